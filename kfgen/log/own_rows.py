@@ -143,9 +143,9 @@ class OwnSamples:
 
 
 def with_own_samples(log: Log, sensors: Iterable[Sequence[str]], *, by_filter: bool = False) -> Log:
-    """A log in which channels have a value where their sensor gave one and no number where its last one was held.
+    """A log in which channels have a value where their sensor gave one, and no number in the rows between.
 
-    So do rows on lines between values. Its `held` says of which.
+    These hold the last value, or lie on a line to the next one. Its `held` says of which channels.
 
     Parameters
     ----------

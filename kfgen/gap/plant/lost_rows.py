@@ -1,7 +1,7 @@
 """Rows that a log of a plant has lost: what its inputs did meanwhile is not known.
 
 A held input that is another one after such a hole changed at some time within it. That moves the states by an unknown part
-of what the change does in the whole hole; after a long one the plant may be anywhere near where it usually is. Each such
+of what the change does over the rows that are lost; after a long one the plant may be anywhere near where it usually is. Each such
 motion is a unit normal deviate times a column of the residuals, and all of them are integrated out at once.
 """
 

@@ -34,7 +34,7 @@ from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, 
 from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Channel, Log
-from kfgen.log.own_rows import OwnSamples
+from kfgen.log.own_rows import with_own_samples
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
@@ -73,11 +73,12 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
     model : UserModel
     log : Log
     """
+    log = with_own_samples(log, [[n] for n in model.measurements])
     bare = PlantScene.bare(model, log)
     sound, said, spoilt = _sound(model, log)
     either: list[Placed] = []
     if not spoilt:
-        bare = bare if sound is log else PlantScene.bare(model, sound)
+        bare = PlantScene.bare(model, sound) if said else bare
         found = _miswired(bare)
         spoilt, either = found[:1], found[1:]
     if spoilt:
@@ -100,26 +101,18 @@ def _answering(scene: PlantScene, log: Log) -> Log:
 
 
 def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]:
-    """The log without stuck and clipped samples, the faults that were left out, and those that spoil a channel.
-
-    Of a sensor that is slower than the log the rows between its values are no samples.
-    """
-    channels, held = dict(log.channels), list(log.held)
+    """The log without stuck and clipped samples, the faults that were left out, and those that spoil a channel."""
+    channels = dict(log.channels)
     said: list[Placed] = []
     spoilt: list[Placed] = []
     for name in (n for n in model.measurements if n in log.channels):
         values = np.array(log.channels[name].values)
-        own = OwnSamples.of(np.asarray(log.t), values)
-        if own.held:
-            values[~own.rows] = np.nan
-            held += [f"{name}: {words}" for words in own.said]
         effects = [e for e in model.measurements[name].noise.effects if not isinstance(e, PlantEffect)]
         faults, bad = _of_samples(np.asarray(log.t), values, effects)
         (spoilt if bad else said).extend(Placed(e, name) for e in faults)
-        if (faults or own.held) and not bad:
+        if faults and not bad:
             channels[name] = Channel(values, log.channels[name].unit)
-    changed = any(channels[n] is not log.channels[n] for n in channels)
-    return replace(log, channels=channels, held=tuple(held)) if changed else log, said, spoilt
+    return replace(log, channels=channels), said, spoilt
 
 
 def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Effect], bool]:

@@ -149,7 +149,7 @@ def ranked(
             trials.append(FittedAddition(fit.point.placed[-1], fit, 0.0, 0.0, o.direction))
     reference, found = evidence(scene, base), []
     for t, share in zip(trials, _even_shares(scene, base, trials)):
-        cost = _cost(t.placed, every)
+        cost = cost_of(t.placed, every)
         gain = evidence(scene, t.fit) - reference - cost
         gain -= (1.0 - share) * max(t.fit.value - base.value, 0.0)
         found.append(replace(t, gain=gain, cost=cost, even_share=share))
@@ -198,12 +198,18 @@ def cos2(a: Array, b: Array) -> float:
     return float((a @ b) ** 2) / power if power > 0.0 else 0.0
 
 
-def _cost(placed: Placed, every: Sequence[Placed]) -> float:
+def cost_of(placed: Placed, every: Sequence[Placed]) -> float:
     """Nats that an addition costs: the logarithm of its share of what might be missing, and of the ways to write it.
 
     Something is missing as likely as not; of all effects at all places one that is rarer by so many nats has a smaller
     share, and leaves the others a larger one. Without the ways a matrix would be likelier the more of its entries and
     rows are tried.
+
+    Parameters
+    ----------
+    placed : Placed
+    every : sequence of Placed
+        All that might be missing, itself among them.
     """
     penalties: dict[Label, float] = {}
     for p in every:

@@ -29,7 +29,7 @@ from kfgen.gap.core.search import (
 )
 from kfgen.gap.core.thresholds import SearchLimits
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS
-from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, ranked, relinearised
+from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, cost_of, ranked, relinearised
 from kfgen.gap.scene.evidence import evidence, evidence_over_widths
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.proof import unproven
@@ -184,11 +184,12 @@ def _begun_with(
     scene, placed = nothing.scene, tuple(together)
     while placed:
         fit = fitted(scene, ScenePoint(placed, nothing.fit.point.unknowns))
-        cost, whole = float(np.log1p(len(scene.candidates(())))), evidence(scene, fit)
+        every, whole = [starts[0] for starts in scene.candidates(())], evidence(scene, fit)
         chosen = []
         for i, p in enumerate(fit.point.placed):
             rest = fitted(scene, ScenePoint((*placed[:i], *placed[i + 1 :]), fit.point.unknowns))
             column = next(c for c, (at, _) in enumerate(fit.keys) if at == i)
+            cost = cost_of(p, every)
             gain = whole - evidence(scene, rest) - cost
             own = FittedAddition(p, fit, gain, cost, fit.jacobian[:, column])
             chosen.append(Chosen(own, probabilities([own])))
