@@ -194,6 +194,7 @@ UNITS = {  # by hand: what a coefficient must be measured in, for a state in m/s
     "coulomb_friction": {"level": "m/s^2", "v0": "m/s"},
     "quadratic_drag": {"coefficient": "1/m"},
     "constant_input": {"value": "m/s^2"},
+    "process_noise": {"N": "m/s^2/sqrt(Hz)"},
     "spring": {"coefficient": "1/s^2"},
     "cubic_spring": {"coefficient": "1/m^2/s^2"},
     "input_delay": {"delay": "s"},

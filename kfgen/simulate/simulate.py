@@ -213,11 +213,13 @@ def _plant_log(
     driven: Mapping[str, Array],
 ) -> Log:
     """A log of a model file's plant: its inputs, its measurements, its states as ``ref_`` channels."""
+    from kfgen.model.plant.drawn_process_noise import with_drawn_process_noise
     from kfgen.model.plant.plant import simulate as simulated
 
     model, user = discrete.model, motion.user
     inputs = {n: plant_input(manoeuvre, n, k, t) for k, n in enumerate(user.inputs)}
-    run = simulated(user, t, inputs)
+    noisy, noises = with_drawn_process_noise(user, t, rng)
+    run = simulated(noisy, t, inputs | noises)
     clean = inputs | {n: h[:, 0] for n, h in run.channels.items()}
     channels = {d: Channel(v, driver_named(d).unit) for d, v in driven.items()}
     for channel, unit in model.channel_units.items():

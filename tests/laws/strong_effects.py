@@ -145,6 +145,7 @@ PLANT = (
     strong("input_lag", "u", tau=0.2),
     strong("input_nonlinearity", "u", k2=0.2, k3=0.1),
     strong("parameter_error", "stiffness", value=0.5),
+    strong("process_noise", "v", N=0.1),
     strong("quadratic_drag", "v", coefficient=0.5),
     strong("saturation", "u", limit=0.5),
     strong("spring", "v", coefficient=1.0),

@@ -8,9 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
-from kfgen.gap.scene.scene import ScenePoint
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.model.plant.plant import Batch, stacked
 from kfgen.model.plant.user import UserModel
+
+Kinds = tuple[tuple[str, type[PlantEffect]], ...]
+
+
+def kinds_of(placed: Sequence[Placed]) -> Kinds:
+    """Where effects act and what they are; the order is theirs.
+
+    Parameters
+    ----------
+    placed : sequence of Placed
+    """
+    return tuple((p.where, type(p.effect)) for p in placed if isinstance(p.effect, PlantEffect))
 
 
 def columns_of(

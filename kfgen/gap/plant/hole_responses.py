@@ -66,7 +66,7 @@ class Simulation:
     ----------
     plant : Plant
     batch : Batch
-        One column.
+        One column, or as many as are run at once.
     t : ndarray, shape (n,)
         [s].
     starts : sequence of int
@@ -81,6 +81,8 @@ class Simulation:
     def run(self, inputs: Mapping[str, Array], starts: Sequence[int], initial: Array) -> Run:
         """From initial states, shape (segments, states, k), under inputs, each of shape (n,)."""
         k = initial.shape[2]
+        if self.batch.size == k:
+            return self.plant.simulate(self.t, inputs, replace(self.batch, initial=initial), starts)
         many = replace(
             self.batch,
             parameters={n: np.repeat(v, k) for n, v in self.batch.parameters.items()},
@@ -162,12 +164,7 @@ def disturbed(
     if not lost.before.size or not sizes.size:
         return Disturbed()
     X = simulation.run(inputs, simulation.starts, simulation.batch.initial).states[:, :, 0]
-    long = lost.before[lost.is_long]
-    moves = {int(k) + 1: FARTHEST_SIZES * np.diag(sizes) for k in long if k + 1 not in simulation.starts}
-    short = lost.before[~lost.is_long]
-    found = np.nan_to_num(_moves(simulation, inputs, X, short))
-    moves |= {int(k) + 1: PART_SD * m[:, np.any(m != 0.0, axis=0)] for k, m in zip(short, found)}
-    means = {int(k) + 1: MEAN_PART * m.sum(axis=1, keepdims=True) for k, m in zip(short, found)}
+    means, moves = moves_in_holes(lost, simulation, inputs, X, sizes)
     there = responses(simulation, inputs, X, lost.before + 1, sizes, list(recorded))
     changes = there.columns(means).sum(axis=2, keepdims=True), there.columns(moves)
     mean, E = (
@@ -175,6 +172,32 @@ def disturbed(
         for part in changes
     )
     return Disturbed(E, mean[:, 0])
+
+
+def moves_in_holes(
+    lost: LostRows, simulation: Simulation, inputs: Mapping[str, Array], X: Array, sizes: Array
+) -> tuple[dict[int, Array], dict[int, Array]]:
+    """Moves of the states in holes by the first sample after each: their mean, shape (states, 1), and columns, (states, k).
+
+    Each column is one standard deviation of a move that is independent of all others.
+
+    Parameters
+    ----------
+    lost : LostRows
+        Those in which something moves.
+    simulation : Simulation
+    inputs : mapping of str to ndarray, shape (n,)
+        [SI].
+    X : ndarray, shape (n, states)
+        Where the states are.
+    sizes : ndarray, shape (states,)
+        Of the states [SI].
+    """
+    long, short = lost.before[lost.is_long], lost.before[~lost.is_long]
+    moves = {int(k) + 1: FARTHEST_SIZES * np.diag(sizes) for k in long if k + 1 not in simulation.starts}
+    found = np.nan_to_num(_moves(simulation, inputs, X, short))
+    moves |= {int(k) + 1: PART_SD * m[:, np.any(m != 0.0, axis=0)] for k, m in zip(short, found)}
+    return {int(k) + 1: MEAN_PART * m.sum(axis=1, keepdims=True) for k, m in zip(short, found)}, moves
 
 
 def _moves(simulation: Simulation, inputs: Mapping[str, Array], X: Array, before: Counts) -> Array:

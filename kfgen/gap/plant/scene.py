@@ -23,7 +23,7 @@ from kfgen.core.units import parse_unit
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.plant.candidates import additions
-from kfgen.gap.plant.columns import columns_of, shared
+from kfgen.gap.plant.columns import Kinds, columns_of, kinds_of, shared
 from kfgen.gap.plant.hole_responses import Simulation, disturbed
 from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.lost_rows import Disturbed, LostRows
@@ -47,8 +47,6 @@ ASTRAY = 0.8
 """Share of the shortest segments that make up a record in which a model follows it nowhere."""
 FAR_FROM_START = 4.0
 """Standard deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
-
-Kinds = tuple[tuple[str, type[PlantEffect]], ...]
 
 
 @dataclass(frozen=True)
@@ -270,7 +268,7 @@ class PlantScene:
         out = np.empty((sum(self.lengths), len(points)))
         groups: dict[Kinds, list[int]] = {}
         for j, point in enumerate(points):
-            groups.setdefault(_kinds(point.placed), []).append(j)
+            groups.setdefault(kinds_of(point.placed), []).append(j)
         for members in groups.values():
             alike = [points[j] for j in members]
             inside = [without_sensor_errors(p) for p in alike]
@@ -309,7 +307,7 @@ class PlantScene:
 
     def _run(self, points: Sequence[ScenePoint], before: Mapping[str, Array] | None = None) -> Run:
         own = self._own()
-        kinds = (*((w, type(e)) for w, e in own), *_kinds(points[0].placed))
+        kinds = (*((w, type(e)) for w, e in own), *kinds_of(points[0].placed))
         plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
         run = plant.simulate(
             self.clock,
@@ -391,8 +389,3 @@ class PlantScene:
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
         found += [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
         return found + self.sensors.candidates({n: run.channels[n][:, 0] for n in self.recorded}, placed)
-
-
-def _kinds(placed: Sequence[Placed]) -> Kinds:
-    """Where effects act and what they are; the order is theirs."""
-    return tuple((p.where, type(p.effect)) for p in placed if isinstance(p.effect, PlantEffect))

@@ -28,6 +28,7 @@ from kfgen.effects.faults.samples import (
 )
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.plant.input_logged_late import logged_late
+from kfgen.gap.plant.noisy_scene import NoisyPlantScene
 from kfgen.gap.plant.pieces import lateness
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting
@@ -84,7 +85,7 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
     if spoilt:
         return replace(bare, spoilt=tuple(spoilt), either=tuple(either))
     scene = replace(PlantScene.of(model, _answering(bare, sound)), said=tuple(said), seen_late=bare.late)
-    return replace(scene, spoilt=tuple(logged_late(scene)))
+    return replace(NoisyPlantScene.of_scene(scene), spoilt=tuple(logged_late(scene)))
 
 
 def _answering(scene: PlantScene, log: Log) -> Log:

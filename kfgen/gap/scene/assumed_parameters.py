@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.core.search import Chosen
-from kfgen.gap.core.thresholds import MAX_ITERATIONS
+from kfgen.gap.core.thresholds import MAX_ITERATIONS, SearchLimits
 from kfgen.gap.scene.addition import FittedAddition
 from kfgen.gap.scene.explanation import LIMITS, Explained, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
@@ -20,6 +20,8 @@ from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting, start_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
+MIN_SHARE_OF_NOISE = 0.05
+"""Of the evidence of a random error alone, that an effect must have to be looked for before it."""
 FIRST_LIMITS = replace(
     LIMITS, max_effects=4, min_first_evidence_nats=0.0, max_iterations=0, first_counts_rivals=True
 )
@@ -81,7 +83,7 @@ def answered(scene: Scene) -> Answered:
     wrong = (moved(scene, fitted(scene, start_of(scene)).point) - starts) | {p.where for p in refuted}
     for _ in range(MAX_ITERATIONS):
         here = scene.held(wrong) if wrong else scene
-        found = explained(here, together=refuted)
+        found = explained(here, _limits(here), together=refuted)
         more = moved(here, found.fit.point)
         if not more or search_is_over():
             break
@@ -100,6 +102,15 @@ def answered(scene: Scene) -> Answered:
     kept = [a for a in found.added if not (_is_error(a) and a.addition.placed.where in wrong - named)]
     fit = fitted(free, ScenePoint(tuple(a.addition.placed for a in kept), start_of(free).unknowns))
     return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit, free, found.refused))
+
+
+def _limits(scene: Scene) -> SearchLimits:
+    """Of a search: where noise explains far more than any effect does, it is looked at before a list of effects grows."""
+    if not isinstance(scene, HasRandomErrors):
+        return LIMITS
+    likely = scene.likely_random_errors(fitted(scene, start_of(scene)).point)
+    asked = MIN_SHARE_OF_NOISE * max((e.evidence for e in likely), default=0.0)
+    return replace(LIMITS, min_first_evidence_nats=max(LIMITS.min_first_evidence_nats, asked))
 
 
 def _is_error(added: Chosen[FittedAddition]) -> bool:

@@ -14,7 +14,7 @@ from kfgen.effects import Effect
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed, keys_of, log_posterior
-from kfgen.gap.scene.scene import HasNoiseSizes, Integrating, Placed, Scene
+from kfgen.gap.scene.scene import HasWidths, Integrating, Placed, Scene
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
 
@@ -64,7 +64,7 @@ def evidence_over_widths(scene: Scene, fit: SceneFit) -> float:
         Of that scene.
     """
     world = scene.scene if isinstance(scene, TemperedScene) else scene
-    widths = float(world.log_widths.sum()) if isinstance(world, HasNoiseSizes) else 0.0
+    widths = float(world.log_widths.sum()) if isinstance(world, HasWidths) else 0.0
     return evidence(scene, fit) - widths
 
 

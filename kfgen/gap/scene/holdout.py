@@ -27,7 +27,7 @@ from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_T
 from kfgen.gap.scene.assumed_parameters import Answered
 from kfgen.gap.scene.newton import SceneFit, fitted, level_sd_of_log
 from kfgen.gap.scene.proof import series
-from kfgen.gap.scene.scene import HasNoiseSizes, Placed, Scene, ScenePoint, Unknown
+from kfgen.gap.scene.scene import HasNoiseSizes, HasWidths, Placed, Scene, ScenePoint, Unknown
 from kfgen.gap.scene.screen import basis, orthogonal_part
 
 Array = NDArray[np.float64]
@@ -155,7 +155,7 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     learnt, trained, after = _predicted(scene, cut, fit, answer.likelihood)
     before = _predicted(answer.written, cut, found.assumed, answer.written)[2]
     levels = np.ones(len(scene.channels))
-    same = scene is answer.written or not isinstance(scene, HasNoiseSizes)
+    same = scene is answer.written or not (isinstance(scene, HasNoiseSizes) or answer.random_errors)
     if same and not fit.point.placed and (rescaled is None or not rescaled.any()):
         after = before  # nothing was updated
     if rescaled is not None and rescaled.any():
@@ -167,7 +167,7 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
 
 def _log_widths(scene: Scene, cut: Cut) -> float:
     """Of all readings that are held out, by how much the likelihood is lower for their standard deviations [nats]."""
-    return float(scene.log_widths[cut.rows].sum()) if isinstance(scene, HasNoiseSizes) else 0.0
+    return float(scene.log_widths[cut.rows].sum()) if isinstance(scene, HasWidths) else 0.0
 
 
 def _predicted(

@@ -58,17 +58,11 @@ class NamedRandomError:
 
 
 @runtime_checkable
-class HasRandomErrors(Scene, HasNoiseSizes, Protocol):
-    """A world in which random errors of channels can be in the noise."""
+class HasRandomErrors(Scene, Protocol):
+    """A world in which random errors of channels or states can be in the noise."""
 
     def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
         """Random errors that are worth a look beside the effects of a point, by evidence."""
-
-    def with_inertial_noise(self, point: ScenePoint) -> HasRandomErrors:
-        """The world with the noise of inputs that its innovations beside a point ask for; itself where that is as assumed."""
-
-    def with_noise_changes(self, point: ScenePoint) -> HasRandomErrors:
-        """The world with noises that change from some time on, where innovations beside a point show it; itself where none does."""
 
     def with_random_error(self, placed: Placed) -> Self:
         """The same world, about no effect, with one random error more in its noise."""
@@ -78,3 +72,14 @@ class HasRandomErrors(Scene, HasNoiseSizes, Protocol):
 
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """In what the course of a random error in the noise, beside a point, is none of one; empty where in nothing."""
+
+
+@runtime_checkable
+class HasInertialNoise(HasRandomErrors, HasNoiseSizes, Protocol):
+    """A world of a filter, whose inputs have noise."""
+
+    def with_inertial_noise(self, point: ScenePoint) -> HasRandomErrors:
+        """The world with the noise of inputs that its innovations beside a point ask for; itself where that is as assumed."""
+
+    def with_noise_changes(self, point: ScenePoint) -> HasRandomErrors:
+        """The world with noises that change from some time on, where innovations beside a point show it; itself where none does."""

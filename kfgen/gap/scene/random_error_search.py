@@ -20,8 +20,13 @@ from kfgen.gap.scene.addition import FittedAddition, relinearised
 from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, Answered
 from kfgen.gap.scene.explanation import completed, evidence_of_all, explained
 from kfgen.gap.scene.newton import fitted
-from kfgen.gap.scene.random_error import FittedRandomError, HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.scene import Linearised, Scene, ScenePoint
+from kfgen.gap.scene.random_error import (
+    FittedRandomError,
+    HasInertialNoise,
+    HasRandomErrors,
+    NamedRandomError,
+)
+from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Scene, ScenePoint, carried
 
 MAX_ROUNDS = 2
 """Times that random errors are added, and effects looked for again."""
@@ -53,7 +58,7 @@ def with_inertial_noise(answer: Answered) -> Answered:
         ]
         for point in points:
             scene = before.start
-            resized = scene.with_inertial_noise(point) if isinstance(scene, HasRandomErrors) else scene
+            resized = scene.with_inertial_noise(point) if isinstance(scene, HasInertialNoise) else scene
             if resized is scene or search_is_over():
                 continue
             found = replace(explained(resized, FIRST_LIMITS), assumed=assumed)
@@ -84,10 +89,10 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         answer = beside
         if len(answer.random_errors) == count:
             break
-    answer = _pruned(answer)
+    before, answer = answer, _pruned(answer)
     if not answer.random_errors:
         is_long = len(answer.found.added) >= FIRST_LIMITS.max_effects
-        found = completed(answer.found, grow=is_long)
+        found = completed(answer.found, grow=is_long or answer is not before)
         answer = replace(answer, scene=found.scene, found=found)
     # Last, for what judges effects anew knows nothing of the share of a random error in their place.
     for where in dict.fromkeys(a.label[1] for a in answer.found.added if a.name in DRIFTS):
@@ -103,15 +108,16 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
 
 
 def _pruned(answer: Answered) -> Answered:
-    """Without random errors that later ones made idle."""
-    for w in answer.random_errors if len(answer.random_errors) > 1 else ():
+    """Without random errors that later ones, or effects, made idle."""
+    is_beside = len(answer.random_errors) > 1 or bool(answer.found.added)
+    for w in answer.random_errors if is_beside else ():
         scene = answer.start
         left = tuple(x for x in answer.random_errors if x is not w)
         assert isinstance(scene, HasRandomErrors)
         for x in left:
             scene = scene.with_random_error(x.fitted.placed)
         there = scene.about(answer.found.fit.point) if isinstance(scene, Linearised) else scene
-        fit = fitted(there, answer.found.fit.point)
+        fit = fitted(there, carried(answer.found.fit.point, answer.scene, there))
         less = replace(
             answer, scene=there, found=replace(answer.found, fit=fit, scene=there), random_errors=left
         )
@@ -127,9 +133,8 @@ def _beside(answer: Answered, is_unfinished: bool) -> Answered:
         assert isinstance(scene, HasRandomErrors)
         return _better(answer, _gathered(scene, answer.fit.point), scene)
     leading, point = _leading(answer)
-    assert isinstance(leading, HasRandomErrors)
-    changed = leading.with_noise_changes(point)
-    start = changed.tuned(point)
+    changed = leading.with_noise_changes(point) if isinstance(leading, HasInertialNoise) else leading
+    start = changed.tuned(point) if isinstance(changed, HasNoiseSizes) else changed
     assert isinstance(start, HasRandomErrors)
     return _better(answer, _gathered(start, point), start, is_another=changed is not leading)
 
@@ -171,7 +176,7 @@ def _instead_of_drifts(answer: Answered, where: str) -> Answered:
     if len(others) < len(answer.random_errors):
         scene = scene.without_random_errors(where)
     kept = tuple(p for p, is_drift in zip(there.placed, drifts) if not is_drift)
-    fit = fitted(scene, ScenePoint(kept, there.unknowns))
+    fit = fitted(scene, carried(ScenePoint(kept, there.unknowns), answer.scene, scene))
     likely = [f for f in scene.likely_random_errors(fit.point) if f.placed.where == where]
     gained = sum(a.gain for a, is_drift in zip(answer.found.added, drifts) if is_drift)
     if not likely or likely[0].evidence < MIN_WORTH_SHARE * gained:
@@ -182,7 +187,10 @@ def _instead_of_drifts(answer: Answered, where: str) -> Answered:
 def _gathered(scene: HasRandomErrors, point: ScenePoint) -> list[list[FittedRandomError]]:
     """Random errors beside the effects of a point, one after the other, and what competed with each."""
     every: list[list[FittedRandomError]] = []
+    first = scene
     for _ in range(MAX_RANDOM_ERRORS):
+        point = carried(point, first, scene)
+        first = scene
         there = scene.about(point) if isinstance(scene, Linearised) else scene
         assert isinstance(there, HasRandomErrors)
         found = there.likely_random_errors(point)

@@ -125,6 +125,19 @@ def start_of(scene: Scene) -> ScenePoint:
     return ScenePoint((), np.array([u.start for u in scene.unknowns], float))
 
 
+def carried(point: ScenePoint, before: Scene, after: Scene) -> ScenePoint:
+    """A point of a world in another one of the same log: unknowns keep their values by name, others are where fits begin.
+
+    Parameters
+    ----------
+    point : ScenePoint
+        Of the first.
+    before, after : Scene
+    """
+    known = dict(zip((u.name for u in before.unknowns), point.unknowns.tolist()))
+    return ScenePoint(point.placed, np.array([known.get(u.name, u.start) for u in after.unknowns], float))
+
+
 @runtime_checkable
 class Inspected(Protocol):
     """A world that can look at its readings before anything is fitted."""
@@ -204,14 +217,19 @@ class HasOwnNoiseLevels(Protocol):
 
 
 @runtime_checkable
-class HasNoiseSizes(Protocol):
-    """A world in which noises are not readings by themselves: a filter weighs its readings by their sizes."""
+class HasWidths(Protocol):
+    """A world whose residuals are innovations of a filter, which divides each by its own standard deviation."""
 
     @property
     def log_widths(self) -> Array:
         """Logarithms of the standard deviations by which readings were divided, channels one after the other, each in
         the order of time, shape (sum of lengths,).
         """
+
+
+@runtime_checkable
+class HasNoiseSizes(HasWidths, Protocol):
+    """A world in which noises are not readings by themselves: a filter weighs its readings by their sizes."""
 
     @property
     def noise_scales(self) -> tuple[NoiseScale, ...]:

@@ -53,6 +53,7 @@ from kfgen.gap.scene.under_misfit import (
     AMONG_OTHER_EVENTS,
     under_misfit,
     without_events,
+    without_idle_noise,
     without_trifles,
     without_weakest,
 )
@@ -89,12 +90,7 @@ class SceneGap(Comparison):
     fit: SceneFit
 
 
-def no_unit(placed: Placed) -> str:
-    """Of an effect whose unit nobody says."""
-    return ""
-
-
-def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
+def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
     """Where a scene disagrees with its log, and what is missing.
 
     Parameters
@@ -117,6 +113,7 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
                 answer = with_random_errors(answer, is_unfinished=is_unfinished)
         if doubtful := _doubtful_channels(answer):
             answer = without_trifles(without_events(under_misfit(answer), doubtful))
+            answer = without_idle_noise(answer)
         found = _gap_of(answer, unit_of)
         while answer.found.added and found.gap.ci95[1] < 0.0:
             answer = without_weakest(answer)
@@ -202,8 +199,7 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     after, noise_scales = _updated_tests(answer)
     levels = levels_in(scene, noise_scales)
     sizes = (*noise_scales, *(scene.noise_scales if isinstance(scene, HasNoiseSizes) else ()))
-    doubtful = {t.channel for t in after if t.significant}
-    said, unsaid = _said(scene, doubtful)
+    said, unsaid = _said(scene, {t.channel for t in after if t.significant})
     findings = _findings(answer, said, unit_of)
     refused = [*found.refused, *_stand_ins(answer), *unsaid]
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP

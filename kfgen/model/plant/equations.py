@@ -138,7 +138,8 @@ class _Builder:
 
     def __init__(self, user: UserModel) -> None:
         self.user = user
-        self.blocks = [_block(n, s.unit, s.initial, s.sd) for n, s in user.states.items()]
+        noises = user.process_noise
+        self.blocks = [_block(n, s.unit, s.initial, s.sd, noises.get(n, 0.0)) for n, s in user.states.items()]
         self.constants = [
             Constant(n, parse_unit(p.unit).si, p.value, f"parameter {n}") for n, p in user.parameters.items()
         ]
@@ -222,10 +223,10 @@ class _Builder:
         return Shown(name, unit, value, needs, backlash[1] if backlash else None, slope)
 
 
-def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
+def _block(name: str, unit: str, initial: float, sd: float, driven: float = 0.0) -> Vector:
     si = parse_unit(unit).si
     prior = sd if np.isfinite(sd) else unknown_deviation(si, initial)
-    return Vector(name, ("",), si, f"state {name}", float(prior), (float(initial),))
+    return Vector(name, ("",), si, f"state {name}", float(prior), (float(initial),), driven)
 
 
 def unknown_deviation(unit: str, initial: float) -> float:

@@ -92,8 +92,11 @@ class _Task:
 
 
 def stacked(effects: Sequence[PlantEffect]) -> PlantEffect:
-    """Effects of one kind as one whose numbers have shape (batch,)."""
-    values = {f.name: np.array([float(getattr(e, f.name)) for e in effects]) for f in fields(effects[0])}
+    """Effects of one kind, each of one column or more, as one whose numbers have shape (batch,)."""
+    values = {
+        f.name: np.hstack([np.asarray(getattr(e, f.name), float) for e in effects])
+        for f in fields(effects[0])
+    }
     return replace(effects[0], **values)
 
 

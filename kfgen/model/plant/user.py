@@ -18,6 +18,7 @@ from kfgen.core.files.toml_document import text_of
 from kfgen.core.units import parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.effects.plant.process_noise import ProcessNoise, root_density
 from kfgen.effects.plant.terms import PlantEffect, StateTerm
 
 FORMAT = "kfgen-model-1"
@@ -147,6 +148,15 @@ class UserModel:
         from kfgen.core.expression import symbol
 
         return next((p for p, e in self.dynamics.items() if e.value == symbol(state)), None)
+
+    @property
+    def process_noise(self) -> dict[str, float]:
+        """Root density of the white noise that drives states, of those that it drives [SI/sqrt(Hz)]."""
+        own: dict[str, list[PlantEffect]] = {}
+        for a in self.dynamics_effects:
+            if isinstance(a.effect, ProcessNoise):
+                own.setdefault(a.where, []).append(a.effect)
+        return {n: root_density(effects) for n, effects in own.items()}
 
     def unit_at(self, where: str, effect: PlantEffect | type[PlantEffect]) -> str:
         """The unit `U` of an effect's parameters at a place: SI of a state's derivative, else the user's."""

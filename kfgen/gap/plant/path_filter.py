@@ -1,0 +1,168 @@
+"""`PathFilter`: a Kalman filter of how far a plant is off a path, its innovations, and the smoothed course of what drove it.
+
+All that is asked of it is linear in what is measured, and many columns are filtered at once: the recursions over the samples are
+cut into blocks that are run side by side, and put together from where each block began.
+
+References
+----------
+.. [1] J. Durbin and S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed., 2012, sec. 4.3 to 4.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.plant.linear_path import LinearPath
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """``x[i + 1] = M[i] x[i] + b[i]`` of many columns.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n - 1, k, k)
+    """
+
+    M: Array
+
+    @cached_property
+    def _blocks(self) -> tuple[Array, Array]:
+        """The matrices in blocks, shape (blocks, length, k, k), and their products from the start of each on."""
+        steps, k = self.M.shape[:2]
+        length = max(int(np.ceil(np.sqrt(steps))), 1)
+        blocks = -(-steps // length)
+        M = np.tile(np.eye(k), (blocks * length, 1, 1))
+        M[:steps] = self.M
+        M = M.reshape(blocks, length, k, k)
+        F = np.empty((blocks, length + 1, k, k))
+        F[:, 0] = np.eye(k)
+        for j in range(length):
+            F[:, j + 1] = M[:, j] @ F[:, j]
+        return M, F
+
+    def solved(self, b: Array, first: Array) -> Array:
+        """All x, shape (n, k, columns), of b, shape (n - 1, k, columns), and the first x, shape (k, columns)."""
+        if not b.shape[0]:
+            return first[None]
+        M, F = self._blocks
+        blocks, length, k, _ = M.shape
+        driven = np.zeros((blocks * length, *b.shape[1:]))
+        driven[: b.shape[0]] = b
+        driven = driven.reshape(blocks, length, *b.shape[1:])
+        x = np.zeros((blocks, length + 1, *b.shape[1:]))
+        for j in range(length):
+            x[:, j + 1] = M[:, j] @ x[:, j] + driven[:, j]
+        begun = np.empty((blocks, k, b.shape[2]))
+        at = first
+        for i in range(blocks):
+            begun[i] = at
+            at = F[i, -1] @ at + x[i, -1]
+        out = x[:, :-1] + F[:, :-1] @ begun[:, None]
+        return np.concatenate([out.reshape(-1, *b.shape[1:]), at[None]])[: b.shape[0] + 1]
+
+
+@dataclass(frozen=True)
+class PathFilter:
+    """The filter of a path.
+
+    Parameters
+    ----------
+    path : LinearPath
+    Q : ndarray, shape (n - 1, states, states)
+        Covariance of what drives the states in each step.
+    P0 : ndarray, shape (states, states)
+        Covariance of where they begin.
+    """
+
+    path: LinearPath
+    Q: Array
+    P0: Array
+
+    @cached_property
+    def _gains(self) -> tuple[Array, Array, Array]:
+        """Covariances of the prediction, shape (n, k, k), gains (n, k, m), and inverse roots of those of innovations (n, m, m)."""
+        path = self.path
+        n, m, k = path.C.shape
+        P_all, K_all, W_all = np.empty((n, k, k)), np.empty((n, k, m)), np.empty((n, m, m))
+        P, identity = self.P0, np.eye(m)
+        for i in range(n):
+            C = path.C[i]
+            PC = P @ C.T
+            W = np.linalg.solve(np.linalg.cholesky(C @ PC + np.diag(path.R[i])), identity)
+            K = PC @ (W.T @ W)
+            P_all[i], K_all[i], W_all[i] = P, K, W
+            if i < n - 1:
+                P = path.A[i] @ (P - K @ PC.T) @ path.A[i].T + self.Q[i]
+                P = 0.5 * (P + P.T)
+        return P_all, K_all, W_all
+
+    @cached_property
+    def _ahead(self) -> Recursion:
+        K, C, A = self._gains[1], self.path.C, self.path.A
+        return Recursion(A @ (np.eye(A.shape[1]) - K[:-1] @ C[:-1]))
+
+    @cached_property
+    def _back(self) -> Recursion:
+        return Recursion(self._ahead.M[::-1].transpose(0, 2, 1))
+
+    @property
+    def log_widths(self) -> Array:
+        """Logarithm of the standard deviation of each innovation over that of the sample's noise, shape (n, channels)."""
+        roots = np.diagonal(self._gains[2], axis1=1, axis2=2)
+        return np.asarray(-np.log(roots * np.sqrt(self.path.R)))
+
+    def _predicted(self, y: Array, d: Array, first: Array) -> Array:
+        """How far the states are off the path by all samples before, shape (n, k, columns)."""
+        driven = self.path.A @ (self._gains[1][:-1] @ y[:-1]) + d
+        return self._ahead.solved(driven, first)
+
+    def innovations(self, y: Array, d: Array, first: Array) -> Array:
+        """Normalised innovations, shape (n, channels, columns): independent unit normal deviates under a right model.
+
+        Parameters
+        ----------
+        y : ndarray, shape (n, channels, columns)
+            As of `LinearPath`.
+        d : ndarray, shape (n - 1, states, columns)
+            As of `LinearPath`.
+        first : ndarray, shape (states, columns)
+            Where the states begin, less the path.
+        """
+        left = y - self.path.C @ self._predicted(y, d, first)
+        return np.asarray(self._gains[2] @ left)
+
+    def _pulls(self, z: Array) -> Array:
+        """What innovations and all after them say of the states, shape (n, k, columns), see [1]_, eq. (4.44)."""
+        said = self.path.C.transpose(0, 2, 1) @ (self._gains[2].transpose(0, 2, 1) @ z)
+        return self._back.solved(said[-2::-1], said[-1])[::-1]
+
+    def smoothed(self) -> Array:
+        """The path with what the readings say of it, shape (n, states)."""
+        path = self.path
+        y, d = path.y[:, :, None], path.d[:, :, None]
+        first = np.zeros((path.X.shape[1], 1))
+        z = self.innovations(y, d, first)
+        off = self._predicted(y, d, first) + self._gains[0] @ self._pulls(z)
+        return np.asarray(path.X + off[:, :, 0])
+
+    def drove(self, z: Array, state: int, density: float) -> Array:
+        """The smoothed noise that drove a state in each step, shape (n - 1, columns) [SI], see [1]_, sec. 4.5.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n, channels, columns)
+            Normalised innovations.
+        state : int
+            Which state.
+        density : float
+            Root density of its noise [SI/sqrt(Hz)].
+        """
+        g = self.path.directions[:, :, state]
+        return np.asarray(density**2 * np.einsum("nk,nkp->np", g, self._pulls(z)[1:]))
