@@ -21,7 +21,9 @@ from kfgen.effects.plant.process_noise import ProcessNoise
 from kfgen.gap.plant.linear_path import LinearPath
 from kfgen.gap.plant.path_filter import PathFilter, Recursion
 from kfgen.gap.plant.updated_model import updated_model
+from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.scene.scene import Placed
+from kfgen.log.readers import log_of
 from kfgen.model.plant.drawn_process_noise import with_drawn_process_noise
 from kfgen.model.plant.file import model_text, parse_model
 from kfgen.model.plant.plant import simulate
@@ -174,6 +176,28 @@ def test_a_force_that_nobody_modelled_is_no_process_noise(tmp_path: Path) -> Non
     assert "process_noise" not in {f.name for f in found.findings}
     refused = [r for c in found.comparisons for r in c.refused if r.effect == "process_noise"]
     assert refused[0].why.startswith("it is a spectral line at 0.1")
+
+
+def test_noise_on_an_undamped_pendulum_is_no_input_that_was_logged_late(tmp_path: Path) -> None:
+    """It is out of phase after a while, which an input that is moved by half a period makes up for: `bad_data` before."""
+    rng, h = np.random.default_rng(12), 1.0 / RATE / SUBSTEPS
+    ends = np.cumsum(rng.exponential(30.0, N).astype(int) + 5)
+    u = rng.uniform(-6.0, 6.0, N)[np.searchsorted(ends, np.arange(N), side="right")]
+    u += 2.0 * np.sin(2.0 * np.pi * 0.9 * np.arange(N) / RATE)
+    q = v = 0.0
+    seen = np.empty(N)
+    for k in range(N):
+        seen[k] = q
+        for _ in range(SUBSTEPS):
+            w = 0.2 * rng.standard_normal() / np.sqrt(h)
+            middle = v + 0.5 * h * ((u[k] - 20.0 * np.sin(q)) / 1.5 + w)
+            v += h * ((u[k] - 20.0 * np.sin(q + 0.5 * h * v)) / 1.5 + w)
+            q += h * middle
+    table = np.column_stack([np.arange(N) / RATE, u, seen + SIGMA * rng.standard_normal(N)])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t [s],u [N],q_seen [m]", comments="")
+    text = CART.replace("NOISE", f"{SIGMA / RATE**0.5:.10g}").replace("k*q - c*v", "k*sin(q)")
+    scene = plant_scene(parse_model(text, "pendulum.toml"), log_of(tmp_path / "log.csv"))
+    assert scene.spoilt == ()
 
 
 def test_densities_of_one_state_add_up_as_independent_noises() -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kfgen.effects.faults.samples import TooEarly
 from kfgen.effects.plant.terms import InputDelay
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
+from kfgen.gap.plant.noisy_scene import NoisyPlantScene
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import Shooting
 from kfgen.gap.scene.addition import ranked
@@ -89,7 +90,7 @@ def _forward(inputs: Mapping[str, Array], name: str, k: int) -> dict[str, Array]
 
 
 def _tried(scene: PlantScene, name: str, k: int) -> _Advance | None:
-    """An advance of about so many samples against every effect over the same samples."""
+    """An advance of about so many samples against every effect and process noise over the same samples."""
     ahead = k + 1
     here, moved = (_in_one(scene, name, ahead, by) for by in (0, ahead))
     base = fitted(here, start_of(here))
@@ -104,7 +105,10 @@ def _tried(scene: PlantScene, name: str, k: int) -> _Advance | None:
     ):
         return None
     others = ranked(here, base, screen(here, base))
-    best = max((t.fit.value - base.value for t in others), default=0.0)
+    noises = NoisyPlantScene.of_scene(here).likely_random_errors(base.point)
+    best = max(
+        (*(t.fit.value - base.value for t in others), *(w.evidence - w.occam for w in noises)), default=0.0
+    )
     return _Advance(Placed(TooEarly(advance), name), gain) if gain > best + DETECTION_LIMIT_NATS else None
 
 

@@ -89,12 +89,12 @@ class NoisyPlant:
         found: dict[str, tuple[float, float, float]] = {}
         for _ in range(MAX_PATHS):
             at = {s: self._most_likely(path, self.states.index(s)) for s in among}
-            top = max(at.values(), key=lambda a: a[1], default=(0.0, -np.inf, 0.0))
-            if not top[1] > best + CLOSE_NATS:
+            state = max(at, key=lambda s: at[s][1])
+            densities = np.where(np.array(self.states) == state, at[state][0], 0.0)
+            value = float(_log_likelihoods(path, self.Q, self._P0, densities[None])[0])
+            if not value > best + CLOSE_NATS:
                 break
-            found, best = at, top[1]
-            state = next(s for s, a in at.items() if a is top)
-            densities = np.where(np.array(self.states) == state, top[0], 0.0)
+            found, best = at, value
             path = self.about(PathFilter(path, self.Q + path.driving(densities), self._P0).smoothed())
         choice = float(np.log(len(among) + 1))
         return sorted((_fitted(s, *a, width, choice) for s, a in found.items()), key=lambda f: -f.evidence)
