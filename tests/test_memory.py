@@ -47,6 +47,7 @@ RATE = 50.0
 SIZES = {
     "viscous_friction": 'v = [ { effect = "viscous_friction", coefficient = 0.5 } ]',
     "coulomb_friction": 'v = [ { effect = "coulomb_friction", level = 0.2, v0 = 0.05 } ]',
+    "process_noise": 'v = [ { effect = "quadratic_drag", N = 0.5 } ]',
     "quadratic_drag": 'v = [ { effect = "quadratic_drag", coefficient = 0.5 } ]',
     "constant_input": 'v = [ { effect = "constant_input", value = 0.3 } ]',
     "spring": 'v = [ { effect = "spring", coefficient = 1.0 } ]',
