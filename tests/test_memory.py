@@ -20,6 +20,7 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.plant.drawn_process_noise import with_drawn_process_noise
 from kfgen.model.plant.equations import filter_model
 from kfgen.model.plant.file import parse_model
 from kfgen.run.filter_calls import FilterCalls
@@ -47,7 +48,7 @@ RATE = 50.0
 SIZES = {
     "viscous_friction": 'v = [ { effect = "viscous_friction", coefficient = 0.5 } ]',
     "coulomb_friction": 'v = [ { effect = "coulomb_friction", level = 0.2, v0 = 0.05 } ]',
-    "process_noise": 'v = [ { effect = "quadratic_drag", N = 0.5 } ]',
+    "process_noise": 'v = [ { effect = "process_noise", N = 0.1 } ]',
     "quadratic_drag": 'v = [ { effect = "quadratic_drag", coefficient = 0.5 } ]',
     "constant_input": 'v = [ { effect = "constant_input", value = 0.3 } ]',
     "spring": 'v = [ { effect = "spring", coefficient = 1.0 } ]',
@@ -88,7 +89,8 @@ def log_of(text: str, n: int = 2000) -> Log:
     from kfgen.model.plant.plant import simulate as simulated
 
     t, u = np.arange(n) / RATE, pushed(n)
-    place = simulated(parse_model(text, "cart.toml"), t, {"u": u}).channels["place"][:, 0]
+    model, noises = with_drawn_process_noise(parse_model(text, "cart.toml"), t, np.random.default_rng(6))
+    place = simulated(model, t, {"u": u} | noises).channels["place"][:, 0]
     noise = 1e-4 * RATE**0.5 * np.random.default_rng(5).standard_normal(n)
     return Log(t, {"u": Channel(u, "m/s^2"), "place": Channel(place + noise, "m")}, source="cart")
 
