@@ -18,8 +18,8 @@ from scipy.linalg import expm
 import kfgen as kf
 from kfgen.core.errors import InputError
 from kfgen.effects.plant.process_noise import ProcessNoise
-from kfgen.gap.plant.linear_path import LinearPath
-from kfgen.gap.plant.path_filter import PathFilter, Recursion
+from kfgen.gap.plant.noise.linear_path import LinearPath
+from kfgen.gap.plant.noise.path_filter import PathFilter, Recursion
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.scene.scene import Placed
@@ -215,3 +215,17 @@ def test_it_drives_no_input_and_no_channel(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="process_noise acts on no state 'u'"):
         kf.build(wrong)
+
+
+def test_coloured_noise_of_a_channel_beside_it_is_refused(tmp_path: Path) -> None:
+    """A filter has both; a comparison with a log, which filters white noise only, says so."""
+    text = WALK.replace(
+        '/sqrt(Hz)" } ]', '/sqrt(Hz)" }, { effect = "gauss_markov", sigma = "0.1 m", tau = "5 s" } ]', 1
+    )
+    model, log = tmp_path / "walk.toml", tmp_path / "log.csv"
+    model.write_text(text, encoding="utf-8")
+    t = np.arange(200) / 20.0
+    np.savetxt(log, np.column_stack([t, np.sin(t)]), delimiter=",", header="t [s],seen [m]", comments="")
+    assert len(kf.build(model).driven) == 1
+    with pytest.raises(InputError, match="the noise of seen is not white"):
+        kf.find_gap(log, model)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kfgen.effects.faults.samples import TooEarly
 from kfgen.effects.plant.terms import InputDelay
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
-from kfgen.gap.plant.noisy_scene import NoisyPlantScene
+from kfgen.gap.plant.noise.noisy_scene import NoisyPlantScene
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import Shooting
 from kfgen.gap.scene.addition import ranked

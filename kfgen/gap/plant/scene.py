@@ -306,18 +306,18 @@ class PlantScene:
         return ScenePoint(tuple(placed), np.array([u.value for u in self.unknowns]))
 
     def _run(self, points: Sequence[ScenePoint], before: Mapping[str, Array] | None = None) -> Run:
+        plant, batch = self._plant(points)
+        parts = self._parts.get(plant.kinds, 1)
+        batch = replace(batch, before=before or {})
+        run = plant.simulate(self.clock, self.inputs, batch, self.starts, parts)
+        self._parts[plant.kinds] = run.substeps
+        return run
+
+    def _plant(self, points: Sequence[ScenePoint]) -> tuple[Plant, Batch]:
+        """The plant with the effects of points, and the points as its columns."""
         own = self._own()
         kinds = (*((w, type(e)) for w, e in own), *kinds_of(points[0].placed))
-        plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
-        run = plant.simulate(
-            self.clock,
-            self.inputs,
-            replace(self._batch(own, points), before=before or {}),
-            self.starts,
-            self._parts.get(kinds, 1),
-        )
-        self._parts[kinds] = run.substeps
-        return run
+        return self._plants.setdefault(kinds, Plant(self.model, kinds)), self._batch(own, points)
 
     def _own(self) -> list[tuple[str, PlantEffect]]:
         """The effects inside the plant that the model file has."""
@@ -331,20 +331,23 @@ class PlantScene:
         return columns_of(self.model, self.doubted, (names, len(self.starts)), own, points)
 
     def _whitened(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
-        left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])
-        left = self.lost.without(self.lost.centred(left))
+        left = self._left(channels, points)
         for E in self._begun(channels, points):
             left = integrated(left, E)
         return left
+
+    def _left(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
+        """Whitened measured less simulated values, as if all were known that may have begun, shape (sum of lengths, points)."""
+        left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])
+        return self.lost.without(self.lost.centred(left))
 
     @cached_property
     def lost(self) -> Disturbed:
         """What rows that the log has lost do to the residuals, by the assumed model."""
         states = len(self.model.states)
         initial = self.initial.reshape(len(self.starts), states, 1)
-        batch = replace(self._batch(self._own(), [self.assumed()]), initial=initial)
-        plant = Plant(self.model, [(w, type(e)) for w, e in self._own()])
-        simulation = Simulation(plant, batch, self.clock, self.starts)
+        plant, batch = self._plant([self.assumed()])
+        simulation = Simulation(plant, replace(batch, initial=initial), self.clock, self.starts)
         return disturbed(self.rows, simulation, self.inputs, self.shooting.scale, self.recorded)
 
     def _begun(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> list[Array]:

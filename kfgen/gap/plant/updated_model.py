@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import Term
-from kfgen.effects.plant.process_noise import ProcessNoise
+from kfgen.effects.plant.process_noise import ProcessNoise, root_density
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.scene.scene import Placed
 from kfgen.model.plant.user import Acting, Measurement, UserModel
@@ -70,8 +68,8 @@ def _with(measurement: Measurement, effect: Effect) -> Measurement:
 
 
 def _sum(a: Effect, b: Effect) -> Effect:
-    """Two effects of one kind: coefficients and delays add, densities of noises as they are independent."""
-    pairs = {p.name: (float(getattr(a, p.name)), float(getattr(b, p.name))) for p in a.estimated()}
-    if isinstance(a, ProcessNoise):
-        return replace(a, **{n: float(np.hypot(*v)) for n, v in pairs.items()})
-    return replace(a, **{n: sum(v) for n, v in pairs.items()})
+    """Two effects of one kind: coefficients and delays add, noises as independent ones."""
+    if isinstance(a, ProcessNoise) and isinstance(b, ProcessNoise):
+        return ProcessNoise(root_density([a, b]))
+    names = [p.name for p in a.estimated()]
+    return replace(a, **{n: float(getattr(a, n)) + float(getattr(b, n)) for n in names})

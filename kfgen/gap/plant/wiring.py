@@ -28,7 +28,7 @@ from kfgen.effects.faults.samples import (
 )
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.plant.input_logged_late import logged_late
-from kfgen.gap.plant.noisy_scene import NoisyPlantScene
+from kfgen.gap.plant.noise.noisy_scene import NoisyPlantScene
 from kfgen.gap.plant.pieces import lateness
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting

@@ -72,8 +72,15 @@ class Answered:
         return self.found.fit if self.tempered is None else self.tempered.untempered(self.found.fit)
 
 
-def answered(scene: Scene) -> Answered:
-    """Explain a scene, the numbers in question as they are written."""
+def answered(scene: Scene, *, noise_first: bool) -> Answered:
+    """Explain a scene, the numbers in question as they are written.
+
+    Parameters
+    ----------
+    scene : Scene
+    noise_first : bool
+        Whether noise that explains far more than any effect is left to be looked at before a list of effects grows.
+    """
     if not isinstance(scene, Trusting):
         plain = explained(scene, FIRST_LIMITS if isinstance(scene, HasRandomErrors) else LIMITS)
         return Answered(plain.scene, scene, plain)
@@ -83,7 +90,7 @@ def answered(scene: Scene) -> Answered:
     wrong = (moved(scene, fitted(scene, start_of(scene)).point) - starts) | {p.where for p in refuted}
     for _ in range(MAX_ITERATIONS):
         here = scene.held(wrong) if wrong else scene
-        found = explained(here, _limits(here), together=refuted)
+        found = explained(here, _limits(here) if noise_first else LIMITS, together=refuted)
         more = moved(here, found.fit.point)
         if not more or search_is_over():
             break
@@ -105,7 +112,7 @@ def answered(scene: Scene) -> Answered:
 
 
 def _limits(scene: Scene) -> SearchLimits:
-    """Of a search: where noise explains far more than any effect does, it is looked at before a list of effects grows."""
+    """Of a search in which no effect is looked for before noise that explains far more."""
     if not isinstance(scene, HasRandomErrors):
         return LIMITS
     likely = scene.likely_random_errors(fitted(scene, start_of(scene)).point)

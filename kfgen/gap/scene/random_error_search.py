@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from kfgen.core.time_budget import search_is_over
-from kfgen.gap.core.search import NO_EFFECT, Chosen, Label
+from kfgen.gap.core.search import NO_EFFECT, Chosen, Label, Refused
 from kfgen.gap.core.thresholds import TIE_NATS
 from kfgen.gap.scene.addition import FittedAddition, relinearised
 from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, Answered
@@ -38,6 +38,8 @@ MIN_WORTH_SHARE = 0.5
 """Of the evidence of what was found, which random errors alone must have to be tried in its place."""
 MIN_LEADING_SHARE = 0.5
 """Of the largest gain of an effect, that others have which stand beside it when random errors are looked for first."""
+LEAVES_MORE = "with it more is left than noise"
+"""Why a process noise is not named."""
 DRIFTS = frozenset({"bias_step", "rate_ramp", "warm_up"})
 """Courses of time alone, which one course of a random error looks like."""
 
@@ -105,6 +107,19 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         replace(w, objection=scene.not_random(w.fitted.placed, point)) for w in answer.random_errors
     )
     return replace(answer, random_errors=judged)
+
+
+def refusing(answer: Answered, stand_ins: Sequence[NamedRandomError]) -> Answered:
+    """An answer that remembers random errors that are none of it, since more is left with them.
+
+    Parameters
+    ----------
+    answer : Answered
+        Without them.
+    stand_ins : sequence of NamedRandomError
+    """
+    refused = tuple(Refused(*w.fitted.label, w.gain, w.objection or LEAVES_MORE) for w in stand_ins)
+    return replace(answer, found=replace(answer.found, refused=(*answer.found.refused, *refused)))
 
 
 def _pruned(answer: Answered) -> Answered:

@@ -34,7 +34,7 @@ from kfgen.gap.scene.holdout import band_edges, held_out
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
 from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.random_error_search import with_inertial_noise, with_random_errors
+from kfgen.gap.scene.random_error_search import refusing, with_inertial_noise, with_random_errors
 from kfgen.gap.scene.scene import (
     HasInputs,
     HasNoiseSizes,
@@ -53,7 +53,6 @@ from kfgen.gap.scene.under_misfit import (
     AMONG_OTHER_EVENTS,
     under_misfit,
     without_events,
-    without_idle_noise,
     without_trifles,
     without_weakest,
 )
@@ -110,10 +109,14 @@ def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
                 answer = with_inertial_noise(answer)
             is_unfinished = bool(_doubtful_channels(answer))
             with time_budget(parts=2 if is_unfinished else 1):
-                answer = with_random_errors(answer, is_unfinished=is_unfinished)
+                noisy = with_random_errors(answer, is_unfinished=is_unfinished)
+            if isinstance(scene, HasNoiseSizes) or not (noisy.random_errors and _doubtful_channels(noisy)):
+                answer = noisy
+            else:  # what process noise takes up of a misfit, effects beside it cannot explain any more
+                bare = answer if answer.found.added else _answered(scene, noise_first=False)
+                answer = refusing(bare, noisy.random_errors)
         if doubtful := _doubtful_channels(answer):
             answer = without_trifles(without_events(under_misfit(answer), doubtful))
-            answer = without_idle_noise(answer)
         found = _gap_of(answer, unit_of)
         while answer.found.added and found.gap.ci95[1] < 0.0:
             answer = without_weakest(answer)
@@ -121,17 +124,17 @@ def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
         return found
 
 
-def _answered(scene: Scene) -> Answered:
+def _answered(scene: Scene, *, noise_first: bool = True) -> Answered:
     """The scene explained; of one in pieces, as it is or in one piece, whichever one simulation follows more closely.
 
     Pieces are followed from nearly everywhere, and lose what acts slowly; one piece shows all, if a fit gets there.
     """
     whole = scene.in_one_piece() if isinstance(scene, InPieces) else None
     if not isinstance(whole, InPieces) or not isinstance(scene, InPieces):
-        return answered(scene)
+        return answered(scene, noise_first=noise_first)
     with time_budget(parts=2):
-        found = answered(scene)
-    again = answered(whole)
+        found = answered(scene, noise_first=noise_first)
+    again = answered(whole, noise_first=noise_first)
     left = [world.free_run(a.fit.point) for world, a in ((scene, found), (whole, again))]
     return again if not left[0] <= left[1] else found
 

@@ -31,7 +31,6 @@ from kfgen.gap.scene.scene import (
     Reaching,
     ReadingByReading,
     Scene,
-    carried,
 )
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
 from kfgen.gap.scene.unevenness import scattered_deviations, unevenness_of_effect
@@ -60,8 +59,6 @@ TAKES_AWAY_LITTLE = (
     "it takes away less than a tenth of the mismatch of its channel, and more is left unexplained"
 )
 """Why an effect is not added beside a misfit that is far larger than it."""
-TAKES_AWAY_LESS = "it takes away less of the mismatch than is left unexplained"
-"""Why a random error is not named beside a misfit."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
 """Why an event is not added beside a misfit."""
 
@@ -166,24 +163,6 @@ def without_trifles(answer: Answered) -> Answered:
         one = left.chosen[least]
         left = left.without(least).refusing([Refused(*one.label, one.gain, TAKES_AWAY_LITTLE)])
     return _explained_by(answer, left)
-
-
-def without_idle_noise(answer: Answered) -> Answered:
-    """The answer in which no random error is named that takes away less of the mismatch than is left with it.
-
-    Parameters
-    ----------
-    answer : Answered
-        Whose updated model fails its tests.
-    """
-    if not answer.random_errors or isinstance(answer.scene, ReadingByReading | Linearised):
-        return answer
-    rest = fitted(answer.start, carried(answer.fit.point, answer.scene, answer.start))
-    left = _mismatch(answer.scene, answer.fit)
-    if _mismatch(answer.start, rest) - left > MIN_EVENT_TO_LEFT_RATIO * max(left, MIN_EVIDENCE_NATS):
-        return answer
-    judged = tuple(replace(w, objection=w.objection or TAKES_AWAY_LESS) for w in answer.random_errors)
-    return replace(answer, random_errors=judged)
 
 
 def _explains_most(scene: Scene, fit: SceneFit, without: SceneFit) -> bool:

@@ -293,7 +293,9 @@ def _common(nodes: Sequence[Array], steps: int) -> Array:
 def simulate(
     model: UserModel, t: Array, inputs: Mapping[str, Array], initial: Mapping[str, float] | None = None
 ) -> Run:
-    """The model as it stands over the times of a log, a batch of one.
+    """The model as it stands over the times of a log, a batch of one, without its process noise.
+
+    That is drawn by `kfgen.model.plant.drawn_process_noise`.
 
     Parameters
     ----------

@@ -9,24 +9,24 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.core.expression import symbol
 from kfgen.effects.plant.process_noise import ProcessNoise, root_density
 from kfgen.gap.core.random_course import COURSE_POINTS, not_random
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.plant.columns import kinds_of
 from kfgen.gap.plant.hole_responses import Simulation, moves_in_holes
-from kfgen.gap.plant.initial_history import independent, integrated
-from kfgen.gap.plant.linear_path import LinearPath, defects, linear_path
+from kfgen.gap.plant.initial_history import independent
 from kfgen.gap.plant.lost_rows import Disturbed
-from kfgen.gap.plant.path_filter import PathFilter
-from kfgen.gap.plant.process_noises import NoisyPlant
+from kfgen.gap.plant.noise.linear_path import LinearPath, defects, linear_path
+from kfgen.gap.plant.noise.path_filter import PathFilter
+from kfgen.gap.plant.noise.process_noises import NoisyPlant
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.sensor_errors import without_sensor_errors
 from kfgen.gap.scene.evidence import parameter_width
 from kfgen.gap.scene.newton import log_posterior
 from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed, ScenePoint, start_of
-from kfgen.model.plant.plant import Plant, Run
+from kfgen.model.plant.plant import Run
 
 Array = NDArray[np.float64]
 
@@ -55,9 +55,26 @@ class NoisyPlantScene(PlantScene):
 
     @staticmethod
     def of_scene(scene: PlantScene) -> NoisyPlantScene:
-        """A scene with the process noise of its model file, if that has any."""
-        own = {f.name: getattr(scene, f.name) for f in fields(scene)}
-        return NoisyPlantScene(**own).about_path()
+        """A scene with the process noise of its model file, if that has any.
+
+        Raises
+        ------
+        InputError
+            It has, and the noise of a channel is not white.
+        """
+        noisy = NoisyPlantScene(**{f.name: getattr(scene, f.name) for f in fields(scene)})
+        if noisy.model.process_noise and (coloured := noisy.not_white):
+            raise InputError(
+                f"the noise of {coloured[0]} is not white, and beside process noise only white noise can be filtered",
+                where=noisy.model.path,
+                remedy=f"Leave out the process noise, or every effect of {coloured[0]} but its white noise",
+            )
+        return noisy.about_path()
+
+    @property
+    def not_white(self) -> list[str]:
+        """The channels whose noise is not white."""
+        return [n for n, r in self.recorded.items() if not np.allclose(r.whitener.weight, 1.0 / r.noise)]
 
     def about_path(self) -> NoisyPlantScene:
         """The scene about the path that is most likely with its noises."""
@@ -65,7 +82,7 @@ class NoisyPlantScene(PlantScene):
             return self
         start = start_of(self)
         X = self.simulated(start).states[:, :, 0]
-        path = self._noisy_at(start, X).smoothed(X, self._densities)
+        path = self._noisy_at(start, X).smoothed(X)
         return replace(self, path=path, starts=(0,), initial=path[:1])
 
     @cached_property
@@ -86,17 +103,17 @@ class NoisyPlantScene(PlantScene):
         errors = {n: v - shown[n] for n, v in self.sensors.added(shown, [point]).items()}
         recorded = {n: replace(r, values=r.values - errors[n][r.at, 0]) for n, r in self.recorded.items()}
 
-        def about(X: Array) -> LinearPath:
-            return linear_path(sim, self.inputs, X, sizes, recorded)
+        mean, Q = self._holes
 
-        return NoisyPlant(about, tuple(self.model.states), sizes, self._holes[1])
+        def about(X: Array) -> LinearPath:
+            path = linear_path(sim, self.inputs, X, sizes, recorded)
+            return replace(path, d=path.d + mean)
+
+        return NoisyPlant(about, tuple(self.model.states), sizes, Q, self._densities)
 
     def _simulation(self, points: Sequence[ScenePoint]) -> Simulation:
         """Of points with the same effects."""
-        own = self._own()
-        kinds = (*((w, type(e)) for w, e in own), *kinds_of(points[0].placed))
-        plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
-        return Simulation(plant, self._batch(own, points), self.clock, (0,))
+        return Simulation(*self._plant(points), self.clock, (0,))
 
     @cached_property
     def _holes(self) -> tuple[Array, Array]:
@@ -119,10 +136,9 @@ class NoisyPlantScene(PlantScene):
     @cached_property
     def _filter(self) -> PathFilter:
         """Of the plant about its path; where it begins is fitted."""
-        noisy = self._noisy_at(start_of(self), self.path)
-        path = noisy.about(self.path)
+        path = self._noisy_at(start_of(self), self.path).about(self.path)
         k = len(self.model.states)
-        return PathFilter(path, noisy.Q + path.driving(self._densities), np.zeros((k, k)))
+        return PathFilter(path, self._holes[1] + path.driving(self._densities), np.zeros((k, k)))
 
     @cached_property
     def lost(self) -> Disturbed:
@@ -160,13 +176,10 @@ class NoisyPlantScene(PlantScene):
         parts = [z[r.at, j] for j, r in enumerate(self.recorded.values())]
         return np.concatenate([dct(x, type=2, axis=0, norm="ortho") for x in parts])
 
-    def _whitened(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
+    def _left(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
         if not self.path.size:
-            return super()._whitened(channels, points)
-        left = self._ordinates(self._innovations(channels, points))
-        for E in self._begun(channels, points):
-            left = integrated(left, E)
-        return left
+            return super()._left(channels, points)
+        return self._ordinates(self._innovations(channels, points))
 
     def _begun(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> list[Array]:
         found = super()._begun(shown, points)
@@ -196,23 +209,35 @@ class NoisyPlantScene(PlantScene):
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
         known = {p.where for p in self.random_errors}
         among = [n for n in self.model.states if n not in known and not self._is_integral(n)]
-        white = [np.allclose(r.whitener.weight, 1.0 / r.noise) for r in self.recorded.values()]
-        if not among or not all(white):
-            return []  # a noise that is not white is not filtered
-        X = self.simulated(point).states[:, :, 0]
-        width = parameter_width(self, ProcessNoise(1.0), "N")
-        found = self._noisy_at(point, X).likely(X, among, width)
-        return self._over_this(found, point) if found else found
+        if not among or self.not_white:
+            return []
+        key = point.placed, point.unknowns.tobytes()
+        if key not in self._likely:
+            X = self.simulated(point).states[:, :, 0]
+            width = parameter_width(self, ProcessNoise(1.0), "N")
+            self._likely[key] = self._over_this(self._noisy_at(point, X).likely(X, among, width), point)
+        return self._likely[key]
+
+    @cached_property
+    def _likely(self) -> dict[tuple[tuple[Placed, ...], bytes], list[FittedRandomError]]:
+        """What is likely beside points, as far as it was looked for: it is asked for again and again."""
+        return {}
+
+    @cached_property
+    def _with(self) -> dict[Placed, NoisyPlantScene]:
+        """The same with one process noise more, as far as it was asked for."""
+        return {}
 
     def _over_this(self, found: list[FittedRandomError], point: ScenePoint) -> list[FittedRandomError]:
         """The same by the likelihood of scenes, in which noises of channels may be of other sizes and starts are fitted."""
         noisy = self.with_random_error(found[0].placed)
         k = len(self.model.states)
-        there = np.concatenate([noisy.path[0], point.unknowns[k * len(self.starts) :]])
+        begun = np.concatenate([noisy.path[0], point.unknowns[k * len(self.starts) :]])
         values = []
-        for scene, unknowns in ((self, point.unknowns), (noisy, there)):
-            left = scene.residuals([ScenePoint(point.placed, unknowns)])[:, 0]
-            values.append(log_posterior(scene, left, unknowns) - scene.log_widths.sum())
+        for scene, unknowns in ((self, point.unknowns), (noisy, begun)):
+            there = ScenePoint(point.placed, unknowns)
+            value = log_posterior(scene, scene.residuals([there])[:, 0], unknowns)
+            values.append(value - scene.spread(there) - scene.log_widths.sum())
         more = float(values[1] - values[0]) - (found[0].evidence - found[0].occam)
         return [replace(f, evidence=f.evidence + more) for f in found]
 
@@ -222,8 +247,12 @@ class NoisyPlantScene(PlantScene):
 
     def with_random_error(self, placed: Placed) -> NoisyPlantScene:
         """The same with one process noise more."""
-        noise_free = self.noise_free or self
-        return replace(self, random_errors=(*self.random_errors, placed), noise_free=noise_free).about_path()
+        if placed not in self._with:
+            more = replace(
+                self, random_errors=(*self.random_errors, placed), noise_free=self.noise_free or self
+            )
+            self._with[placed] = more.about_path()
+        return self._with[placed]
 
     def without_random_errors(self, where: str) -> NoisyPlantScene:
         """The same without the process noise of a state beside that of the model file."""

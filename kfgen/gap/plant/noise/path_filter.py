@@ -10,13 +10,14 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.plant.linear_path import LinearPath
+from kfgen.gap.plant.noise.linear_path import LinearPath
 
 Array = NDArray[np.float64]
 
@@ -68,6 +69,30 @@ class Recursion:
         return np.concatenate([out.reshape(-1, *b.shape[1:]), at[None]])[: b.shape[0] + 1]
 
 
+def gains(
+    path: LinearPath, driving: Callable[[int], Array], P0: Array
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Of every sample the covariance of the prediction, the gain, and the inverse root of the innovations' covariance.
+
+    Parameters
+    ----------
+    path : LinearPath
+    driving : callable
+        Covariance of what drives the states in a step, shape (..., states, states).
+    P0 : ndarray, shape (..., states, states)
+        Covariance of where they begin; several filters run side by side.
+    """
+    P, identity = P0, np.eye(path.C.shape[1])
+    for i, (C, R) in enumerate(zip(path.C, path.R)):
+        PC = P @ C.T
+        W = np.asarray(np.linalg.solve(np.linalg.cholesky(C @ PC + np.diag(R)), identity), dtype=np.float64)
+        K = np.asarray(PC @ (W.swapaxes(-1, -2) @ W))
+        yield P, K, W
+        if i < path.steps.size:
+            P = path.A[i] @ (P - K @ PC.swapaxes(-1, -2)) @ path.A[i].T + driving(i)
+            P = 0.5 * (P + P.swapaxes(-1, -2))
+
+
 @dataclass(frozen=True)
 class PathFilter:
     """The filter of a path.
@@ -88,20 +113,8 @@ class PathFilter:
     @cached_property
     def _gains(self) -> tuple[Array, Array, Array]:
         """Covariances of the prediction, shape (n, k, k), gains (n, k, m), and inverse roots of those of innovations (n, m, m)."""
-        path = self.path
-        n, m, k = path.C.shape
-        P_all, K_all, W_all = np.empty((n, k, k)), np.empty((n, k, m)), np.empty((n, m, m))
-        P, identity = self.P0, np.eye(m)
-        for i in range(n):
-            C = path.C[i]
-            PC = P @ C.T
-            W = np.linalg.solve(np.linalg.cholesky(C @ PC + np.diag(path.R[i])), identity)
-            K = PC @ (W.T @ W)
-            P_all[i], K_all[i], W_all[i] = P, K, W
-            if i < n - 1:
-                P = path.A[i] @ (P - K @ PC.T) @ path.A[i].T + self.Q[i]
-                P = 0.5 * (P + P.T)
-        return P_all, K_all, W_all
+        P, K, W = zip(*gains(self.path, lambda i: self.Q[i], self.P0))
+        return np.array(P), np.array(K), np.array(W)
 
     @cached_property
     def _ahead(self) -> Recursion:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.plant.process_noise import ProcessNoise
-from kfgen.gap.plant.linear_path import LinearPath
-from kfgen.gap.plant.path_filter import PathFilter
+from kfgen.gap.plant.noise.linear_path import LinearPath
+from kfgen.gap.plant.noise.path_filter import PathFilter, gains
 from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed
 
@@ -45,33 +45,54 @@ class NoisyPlant:
     sizes : ndarray, shape (states,)
         Of the states [SI].
     Q : ndarray, shape (n - 1, states, states)
-        What drives the states in each step anyway.
+        What rows that are lost do to the states in each step.
+    densities : ndarray, shape (states,)
+        Root densities of the noises that drive the states anyway [SI/sqrt(Hz)].
     """
 
     about: Callable[[Array], LinearPath]
     states: Sequence[str]
     sizes: Array
     Q: Array
+    densities: Array
 
     @property
     def _P0(self) -> Array:
         return np.diag((START_SIZES * self.sizes) ** 2)
 
-    def smoothed(self, X: Array, densities: Array) -> Array:
-        """A path near which the plant was, shape (n, states), from another one.
-
-        With noises of these root densities, shape (states,), or with louder ones where the model is so far off.
-        """
-        value, tried = -np.inf, LOUDER_FACTORS[:, None] * densities
+    def smoothed(self, X: Array) -> Array:
+        """A path near which the plant was, shape (n, states), from another one: with its noises, or louder ones if the model is off."""
+        value, tried = -np.inf, LOUDER_FACTORS[:, None] * self.densities
         for _ in range(MAX_PATHS):
             path = self.about(X)
-            each = _log_likelihoods(path, self.Q, self._P0, tried)
+            each = self._log_likelihoods(path, tried)
             best = int(np.argmax(each))
             if not each[best] > value + CLOSE_NATS:
                 break
-            value = float(each[best])
-            X = PathFilter(path, self.Q + path.driving(tried[best]), self._P0).smoothed()
+            value, X = float(each[best]), self._smoothed(path, tried[best])
         return X
+
+    def _smoothed(self, path: LinearPath, densities: Array) -> Array:
+        return PathFilter(path, self.Q + path.driving(densities), self._P0).smoothed()
+
+    def _log_likelihoods(self, path: LinearPath, sets: Array) -> Array:
+        """Of several sets of densities, shape (sets, states), shape (sets,) [nats]; all are filtered side by side."""
+        x, value = np.zeros(sets.shape), np.zeros(sets.shape[0])
+        variances, G = path.steps[:, None, None] * sets**2, path.directions
+
+        def driving(i: int) -> Array:
+            return np.asarray(self.Q[i] + (G[i] * variances[i][:, None, :]) @ G[i].T)
+
+        roots = 0.5 * np.log(path.R).sum(axis=1)
+        for i, (_, K, W) in enumerate(gains(path, driving, np.tile(self._P0, (sets.shape[0], 1, 1)))):
+            e = path.y[i] - x @ path.C[i].T
+            z = (W @ e[:, :, None])[:, :, 0]
+            value += (
+                np.log(np.diagonal(W, axis1=1, axis2=2)).sum(axis=1) + roots[i] - 0.5 * (z**2).sum(axis=1)
+            )
+            if i < path.steps.size:
+                x = (x + (K @ e[:, :, None])[:, :, 0]) @ path.A[i].T + path.d[i]
+        return value
 
     def likely(self, X: Array, among: Sequence[str], width: float) -> list[FittedRandomError]:
         """The process noises of states, by evidence.
@@ -90,12 +111,12 @@ class NoisyPlant:
         for _ in range(MAX_PATHS):
             at = {s: self._most_likely(path, self.states.index(s)) for s in among}
             state = max(at, key=lambda s: at[s][1])
-            densities = np.where(np.array(self.states) == state, at[state][0], 0.0)
-            value = float(_log_likelihoods(path, self.Q, self._P0, densities[None])[0])
+            densities = self._with(self.states.index(state), np.array([at[state][0]]))
+            value = float(self._log_likelihoods(path, densities)[0])
             if not value > best + CLOSE_NATS:
                 break
             found, best = at, value
-            path = self.about(PathFilter(path, self.Q + path.driving(densities), self._P0).smoothed())
+            path = self.about(self._smoothed(path, densities[0]))
         choice = float(np.log(len(among) + 1))
         return sorted((_fitted(s, *a, width, choice) for s, a in found.items()), key=lambda f: -f.evidence)
 
@@ -105,22 +126,21 @@ class NoisyPlant:
         least = self.sizes[state] / np.sqrt(path.steps.sum()) * 10.0**-DECADES_OF_DENSITY
         count = int(np.log10(largest / least) * POINTS_PER_DECADE) + 2
         coarse = np.geomspace(least, largest, count)
-        q = coarse[int(np.argmax(self._gains(path, state, coarse)[1:]))]
+        q = coarse[int(np.argmax(self._log_likelihoods(path, self._with(state, coarse))))]
         fine = q * FINER_FACTORS
-        gains = self._gains(path, state, fine)[1:]
-        i = int(np.clip(np.argmax(gains), 1, gains.size - 2))
-        x, (a, b, c) = np.log(fine[i - 1 : i + 2]), gains[i - 1 : i + 2]
+        none, *values = self._log_likelihoods(path, self._with(state, np.append(0.0, fine)))
+        i = int(np.clip(np.argmax(values), 1, len(values) - 2))
+        x, (a, b, c) = np.log(fine[i - 1 : i + 2]), values[i - 1 : i + 2]
         h = x[1] - x[0]
         bend = max((2.0 * b - a - c) / h**2, MAX_SD_OF_LOG**-2)
         shift = float(np.clip((c - a) / (2.0 * h) / bend, -h, h))
-        none = self._gains(path, state, fine[:1])[0]
         return float(np.exp(x[1] + shift)), float(max(a, b, c) - none), float(bend**-0.5)
 
-    def _gains(self, path: LinearPath, state: int, densities: Array) -> Array:
-        """Logarithm of the likelihood of no noise, then of each density of a state's noise."""
-        sets = np.zeros((densities.size + 1, len(self.states)))
-        sets[1:, state] = densities
-        return _log_likelihoods(path, self.Q, self._P0, sets)
+    def _with(self, state: int, densities: Array) -> Array:
+        """Sets of densities, shape (sets, states), of which a state has another noise beside its own."""
+        sets = np.tile(self.densities, (densities.size, 1))
+        sets[:, state] = np.hypot(sets[:, state], densities)
+        return sets
 
 
 def _fitted(state: str, q: float, gain: float, sd: float, width: float, choice: float) -> FittedRandomError:
@@ -128,29 +148,3 @@ def _fitted(state: str, q: float, gain: float, sd: float, width: float, choice: 
     cost = choice + effect.rarer_by_nats() + float(np.log(width / sd)) - 0.5 * float(np.log(2.0 * np.pi))
     ci95 = {"N": (q * float(np.exp(-1.96 * sd)), q * float(np.exp(1.96 * sd)))}
     return FittedRandomError(Placed(effect, state), ci95, gain - cost, -cost)
-
-
-def _log_likelihoods(path: LinearPath, Q: Array, P0: Array, densities: Array) -> Array:
-    """Of several sets of densities, shape (sets, states), shape (sets,) [nats]; all are filtered side by side."""
-    sets, k = densities.shape
-    m = path.C.shape[1]
-    P, x, value = np.tile(P0, (sets, 1, 1)), np.zeros((sets, k)), np.zeros(sets)
-    G = path.directions
-    variances = path.steps[:, None, None] * densities**2
-    for i in range(path.X.shape[0]):
-        for j in range(m):
-            c = path.C[i, j]
-            if not c.any():
-                continue
-            PC = P @ c
-            S = PC @ c + path.R[i, j]
-            e = path.y[i, j] - x @ c
-            value -= 0.5 * (e**2 / S + np.log(S / path.R[i, j]))
-            K = PC / S[:, None]
-            x += K * e[:, None]
-            P -= K[:, :, None] * PC[:, None, :]
-        if i < path.steps.size:
-            A, g = path.A[i], G[i]
-            P = A @ P @ A.T + Q[i] + (g * variances[i][:, None, :]) @ g.T
-            x = x @ A.T + path.d[i]
-    return value
