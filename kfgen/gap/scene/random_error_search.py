@@ -35,7 +35,8 @@ MAX_RANDOM_ERRORS = 4
 MIN_RANDOM_ERROR_NATS = 5.0
 """Evidence above which a random error is added: it takes up what nobody looked for as well."""
 MIN_WORTH_SHARE = 0.5
-"""Of the evidence of what was found, which random errors alone must have to be tried in its place."""
+"""Of the evidence of what was found, which random errors alone must have to be tried in its place; all of it where nothing is
+left that effects beside them could explain."""
 MIN_LEADING_SHARE = 0.5
 """Of the largest gain of an effect, that others have which stand beside it when random errors are looked for first."""
 LEAVES_MORE = "with it more is left than noise"
@@ -87,7 +88,8 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         beside = _beside(answer, is_unfinished)
         is_long = not count and len(answer.found.added) >= FIRST_LIMITS.max_effects
         if not beside.random_errors or is_long:
-            beside = max(beside, _instead(answer), key=total)
+            share = MIN_WORTH_SHARE if is_unfinished else 1.0
+            beside = max(beside, _instead(answer, share), key=total)
         answer = beside
         if len(answer.random_errors) == count:
             break
@@ -167,15 +169,15 @@ def _leading(answer: Answered) -> tuple[Scene, ScenePoint]:
     return scene, fit.point
 
 
-def _instead(answer: Answered) -> Answered:
-    """With random errors in place of all that was found, where that is likelier."""
+def _instead(answer: Answered, share: float) -> Answered:
+    """With random errors in place of all that was found, where that is likelier: with such a share of its evidence it is tried."""
     start = answer.start
     if not answer.found.added or not isinstance(start, HasRandomErrors):
         return answer
     worth = total(answer) - evidence_of_all(start, answer.found.assumed)
     every = _gathered(start, answer.found.assumed.point)
     gained = sum(found[0].evidence for found in every)
-    return _better(answer, every, start) if gained > MIN_WORTH_SHARE * worth else answer
+    return _better(answer, every, start) if gained > share * worth else answer
 
 
 def _instead_of_drifts(answer: Answered, where: str) -> Answered:

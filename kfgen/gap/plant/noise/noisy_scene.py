@@ -69,20 +69,23 @@ class NoisyPlantScene(PlantScene):
                 where=noisy.model.path,
                 remedy=f"Leave out the process noise, or every effect of {coloured[0]} but its white noise",
             )
-        return noisy.about_path()
+        return noisy.on_smoothed_path()
 
     @property
     def not_white(self) -> list[str]:
         """The channels whose noise is not white."""
         return [n for n, r in self.recorded.items() if not np.allclose(r.whitener.weight, 1.0 / r.noise)]
 
-    def about_path(self) -> NoisyPlantScene:
+    def on_smoothed_path(self) -> NoisyPlantScene:
         """The scene about the path that is most likely with its noises."""
         if not self._densities.any():
             return self
         start = start_of(self)
         X = self.simulated(start).states[:, :, 0]
-        path = self._noisy_at(start, X).smoothed(X)
+        return self.on_path(self._noisy_at(start, X).smoothed(X))
+
+    def on_path(self, path: Array) -> NoisyPlantScene:
+        """The scene about a path, shape (n, states) [SI]."""
         return replace(self, path=path, starts=(0,), initial=path[:1])
 
     @cached_property
@@ -215,7 +218,11 @@ class NoisyPlantScene(PlantScene):
         if key not in self._likely:
             X = self.simulated(point).states[:, :, 0]
             width = parameter_width(self, ProcessNoise(1.0), "N")
-            self._likely[key] = self._over_this(self._noisy_at(point, X).likely(X, among, width), point)
+            found, X = self._noisy_at(point, X).likely(X, among, width)
+            if found:
+                self._with[found[0].placed] = self._more(found[0].placed).on_path(X)
+                found = self._over_this(found, point)
+            self._likely[key] = found
         return self._likely[key]
 
     @cached_property
@@ -248,11 +255,11 @@ class NoisyPlantScene(PlantScene):
     def with_random_error(self, placed: Placed) -> NoisyPlantScene:
         """The same with one process noise more."""
         if placed not in self._with:
-            more = replace(
-                self, random_errors=(*self.random_errors, placed), noise_free=self.noise_free or self
-            )
-            self._with[placed] = more.about_path()
+            self._with[placed] = self._more(placed).on_smoothed_path()
         return self._with[placed]
+
+    def _more(self, placed: Placed) -> NoisyPlantScene:
+        return replace(self, random_errors=(*self.random_errors, placed), noise_free=self.noise_free or self)
 
     def without_random_errors(self, where: str) -> NoisyPlantScene:
         """The same without the process noise of a state beside that of the model file."""

@@ -34,6 +34,26 @@ START_SIZES = 10.0
 
 
 @dataclass(frozen=True)
+class Peak:
+    """The most likely density of a state's noise.
+
+    Parameters
+    ----------
+    density : float
+        [SI/sqrt(Hz)].
+    value, gain : float
+        Logarithm of its likelihood, and of that over the one without it [nats].
+    sd_of_log : float
+        Standard deviation of its logarithm.
+    """
+
+    density: float
+    value: float
+    gain: float
+    sd_of_log: float
+
+
+@dataclass(frozen=True)
 class NoisyPlant:
     """A plant that may be driven by noise, about any path.
 
@@ -94,8 +114,8 @@ class NoisyPlant:
                 x = (x + (K @ e[:, :, None])[:, :, 0]) @ path.A[i].T + path.d[i]
         return value
 
-    def likely(self, X: Array, among: Sequence[str], width: float) -> list[FittedRandomError]:
-        """The process noises of states, by evidence.
+    def likely(self, X: Array, among: Sequence[str], width: float) -> tuple[list[FittedRandomError], Array]:
+        """The process noises of states, by evidence, and a path near which the plant is with the most likely one.
 
         Parameters
         ----------
@@ -107,34 +127,43 @@ class NoisyPlant:
             Of the prior of the logarithm of a density.
         """
         path, best = self.about(X), -np.inf
-        found: dict[str, tuple[float, float, float]] = {}
+        at = {s: self._coarse(path, self.states.index(s)) for s in among}
+        if max(gain for _, gain in at.values()) < ProcessNoise(1.0).rarer_by_nats():
+            return [], X
+        found: dict[str, Peak] = {}
         for _ in range(MAX_PATHS):
-            at = {s: self._most_likely(path, self.states.index(s)) for s in among}
-            state = max(at, key=lambda s: at[s][1])
-            densities = self._with(self.states.index(state), np.array([at[state][0]]))
-            value = float(self._log_likelihoods(path, densities)[0])
-            if not value > best + CLOSE_NATS:
+            peaks = {s: self._fine(path, self.states.index(s), q) for s, (q, _) in at.items()}
+            state = max(peaks, key=lambda s: peaks[s].gain)
+            if not peaks[state].value > best + CLOSE_NATS:
                 break
-            found, best = at, value
-            path = self.about(self._smoothed(path, densities[0]))
+            found, best = peaks, peaks[state].value
+            at = {s: (p.density, p.gain) for s, p in peaks.items()}
+            densities = self._with(self.states.index(state), np.array([peaks[state].density]))[0]
+            X = self._smoothed(path, densities)
+            path = self.about(X)
         choice = float(np.log(len(among) + 1))
-        return sorted((_fitted(s, *a, width, choice) for s, a in found.items()), key=lambda f: -f.evidence)
+        return sorted((_fitted(s, p, width, choice) for s, p in found.items()), key=lambda f: -f.evidence), X
 
-    def _most_likely(self, path: LinearPath, state: int) -> tuple[float, float, float]:
-        """The most likely density of a state's noise, what it gains over none [nats], and the standard deviation of its logarithm."""
+    def _coarse(self, path: LinearPath, state: int) -> tuple[float, float]:
+        """About the most likely density of a state's noise, and what it gains over none [nats]."""
         largest = self.sizes[state] / np.sqrt(path.steps.min())
         least = self.sizes[state] / np.sqrt(path.steps.sum()) * 10.0**-DECADES_OF_DENSITY
         count = int(np.log10(largest / least) * POINTS_PER_DECADE) + 2
-        coarse = np.geomspace(least, largest, count)
-        q = coarse[int(np.argmax(self._log_likelihoods(path, self._with(state, coarse))))]
-        fine = q * FINER_FACTORS
-        none, *values = self._log_likelihoods(path, self._with(state, np.append(0.0, fine)))
+        tried = np.geomspace(least, largest, count)
+        none, *values = self._log_likelihoods(path, self._with(state, np.append(0.0, tried)))
+        return float(tried[int(np.argmax(values))]), float(max(values) - none)
+
+    def _fine(self, path: LinearPath, state: int, near: float) -> Peak:
+        """The most likely density of a state's noise near one."""
+        tried = near * FINER_FACTORS
+        none, *values = self._log_likelihoods(path, self._with(state, np.append(0.0, tried)))
         i = int(np.clip(np.argmax(values), 1, len(values) - 2))
-        x, (a, b, c) = np.log(fine[i - 1 : i + 2]), values[i - 1 : i + 2]
+        x, (a, b, c) = np.log(tried[i - 1 : i + 2]), values[i - 1 : i + 2]
         h = x[1] - x[0]
         bend = max((2.0 * b - a - c) / h**2, MAX_SD_OF_LOG**-2)
         shift = float(np.clip((c - a) / (2.0 * h) / bend, -h, h))
-        return float(np.exp(x[1] + shift)), float(max(a, b, c) - none), float(bend**-0.5)
+        top = float(max(a, b, c))
+        return Peak(float(np.exp(x[1] + shift)), top, top - float(none), float(bend**-0.5))
 
     def _with(self, state: int, densities: Array) -> Array:
         """Sets of densities, shape (sets, states), of which a state has another noise beside its own."""
@@ -143,8 +172,9 @@ class NoisyPlant:
         return sets
 
 
-def _fitted(state: str, q: float, gain: float, sd: float, width: float, choice: float) -> FittedRandomError:
+def _fitted(state: str, peak: Peak, width: float, choice: float) -> FittedRandomError:
+    q, sd = peak.density, peak.sd_of_log
     effect = ProcessNoise(q)
     cost = choice + effect.rarer_by_nats() + float(np.log(width / sd)) - 0.5 * float(np.log(2.0 * np.pi))
     ci95 = {"N": (q * float(np.exp(-1.96 * sd)), q * float(np.exp(1.96 * sd)))}
-    return FittedRandomError(Placed(effect, state), ci95, gain - cost, -cost)
+    return FittedRandomError(Placed(effect, state), ci95, peak.gain - cost, -cost)
