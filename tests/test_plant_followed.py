@@ -10,11 +10,15 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects.plant.sensor import SensorLag
+from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.plant.recorded_channel import check_near
 from kfgen.gap.plant.scene import PlantScene
+from kfgen.gap.scene import assumed_parameters
 from kfgen.gap.scene.addition import ranked
+from kfgen.gap.scene.assumed_parameters import answered
+from kfgen.gap.scene.explanation import Explained
 from kfgen.gap.scene.newton import fitted
-from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.scene import Placed, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
@@ -68,3 +72,28 @@ def test_a_model_that_is_nowhere_near_is_refused(scene: PlantScene) -> None:
     check_near(scene.model, scene.recorded, near, "as it is")
     with pytest.raises(InputError, match=r"motor does not follow the log: as it is, .* nowhere near speed"):
         check_near(scene.model, scene.recorded, {"speed": near["speed"] + 3.0 * np.std(values)}, "as it is")
+
+
+def test_numbers_that_no_simulation_follows_as_assumed_stay_free(
+    scene: PlantScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A number in question that is found late, with which held the model is nowhere near, costs no answer."""
+    fit = fitted(scene, start_of(scene))
+    found = Explained(fit, (), fit, scene)
+
+    def held(_: PlantScene, names: set[str]) -> PlantScene:
+        if "late" in names:
+            raise InputError("motor does not follow the log")
+        return scene
+
+    monkeypatch.setattr(assumed_parameters, "explained", lambda *_, **__: found)
+    monkeypatch.setattr(assumed_parameters, "moved", lambda *_: {"late"})
+    monkeypatch.setattr(PlantScene, "refuted", lambda _: (Placed(ParameterError(0.0), "early"),))
+    monkeypatch.setattr(PlantScene, "held", held)
+    with pytest.raises(InputError, match="motor"):
+        answered(scene, noise_first=False)
+    late = iter([set[str](), {"late"}, {"late"}])
+    monkeypatch.setattr(assumed_parameters, "moved", lambda *_: next(late))
+    answer = answered(scene, noise_first=False)
+    assert answer.scene is scene
+    assert not answer.found.added

@@ -29,18 +29,41 @@ def behind(t: Array, h: Array, tau: Any, start: Array) -> Array:
     start : ndarray, shape (batch,)
         The first value.
     """
-    from scipy.signal import lfilter
-
     tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
     dt = np.diff(t)[:, None]
     stay = np.exp(-dt / tau)
     d = np.empty((h.shape[0], max(h.shape[1], tau.size)))
     d[0] = start - h[0]
     d[1:] = -(1.0 - stay) * tau * np.diff(h, axis=0) / dt
-    if dt.size and np.ptp(dt) <= EVEN * float(dt.mean()):
-        for j in range(d.shape[1]):
-            d[:, j] = lfilter([1.0], [1.0, -stay[0, min(j, tau.size - 1)]], d[:, j])
-    else:
-        for k in range(dt.size):
-            d[k + 1] += stay[k] * d[k]
-    return h + d
+    return h + faded(t, stay, d)
+
+
+def faded(t: Array, stay: Array, driven: Array) -> Array:
+    """The recursion ``x[k + 1] = stay[k] x[k] + driven[k + 1]`` from ``x[0] = driven[0]``, shape (n, batch).
+
+    Even steps of time go through a filter. Uneven ones are put together in pairs, pairs of pairs and so on: ``log2(n)``
+    passes over whole arrays.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times [s].
+    stay : ndarray, shape (n - 1, batch or 1)
+        What is left after each step of time.
+    driven : ndarray, shape (n, batch)
+    """
+    from scipy.signal import lfilter
+
+    dt = np.diff(t)
+    if not dt.size:
+        return driven
+    if np.ptp(dt) <= EVEN * float(dt.mean()):
+        factors = np.broadcast_to(stay[0], driven.shape[1:])
+        return np.column_stack([lfilter([1.0], [1.0, -a], x) for a, x in zip(factors, driven.T)])
+    x, kept = driven.copy(), np.vstack([np.zeros_like(stay[:1]), stay])
+    span = 1
+    while span < x.shape[0]:
+        x[span:] += kept[span:] * x[:-span]
+        kept[span:] = kept[span:] * kept[:-span]
+        span *= 2
+    return x

@@ -101,11 +101,18 @@ class Backlash(SensorChange):
         return self.width
 
     def shown(self, t: Array, h: Array) -> Array:
-        """The backlash operator, from the middle of the backlash."""
+        """The backlash operator, from the middle of the backlash.
+
+        A sample holds the value between two limits, and so do several of them in turn: limits of pairs of samples, of
+        pairs of pairs and so on, in ``log2(n)`` passes over whole arrays.
+        """
         half = np.asarray(self.width) / 2.0
-        out = np.empty(np.broadcast_shapes(h.shape, (1, half.size)))
-        now = np.broadcast_to(h[0], out.shape[1:])
-        for k in range(h.shape[0]):
-            now = np.minimum(np.maximum(now, h[k] - half), h[k] + half)
-            out[k] = now
-        return out
+        low, high = np.array(np.broadcast_arrays(h - half, h + half))
+        low[0] = high[0] = h[0]
+        span = 1
+        while span < low.shape[0]:
+            below, above = low[span:].copy(), high[span:].copy()
+            low[span:] = np.minimum(np.maximum(low[:-span], below), above)
+            high[span:] = np.minimum(np.maximum(high[:-span], below), above)
+            span *= 2
+        return np.asarray(low)

@@ -7,8 +7,10 @@ not needed, the number is given its freedom back.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from kfgen.core.errors import InputError
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.core.search import Chosen
@@ -17,7 +19,7 @@ from kfgen.gap.scene.addition import FittedAddition
 from kfgen.gap.scene.explanation import LIMITS, Explained, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting, start_of
+from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, Trusting, start_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
 MIN_SHARE_OF_NOISE = 0.05
@@ -84,17 +86,21 @@ def answered(scene: Scene, *, noise_first: bool) -> Answered:
     if not isinstance(scene, Trusting):
         plain = explained(scene, FIRST_LIMITS if isinstance(scene, HasRandomErrors) else LIMITS)
         return Answered(plain.scene, scene, plain)
-    here: Scene = scene
     # A start that a whole log moves far is mostly a sign of something else, and takes up little of it.
     starts, refuted = {u.own for u in scene.unknowns if u.once}, scene.refuted()
     wrong = (moved(scene, fitted(scene, start_of(scene)).point) - starts) | {p.where for p in refuted}
-    for _ in range(MAX_ITERATIONS):
-        here = scene.held(wrong) if wrong else scene
-        found = explained(here, _limits(here) if noise_first else LIMITS, together=refuted)
+    here: Scene = scene.held(wrong) if wrong else scene
+    found = _explained_beside(here, refuted, noise_first=noise_first)
+    for _ in range(MAX_ITERATIONS - 1):
         more = moved(here, found.fit.point)
         if not more or search_is_over():
             break
+        try:
+            here = scene.held(wrong | more)
+        except InputError:  # no simulation follows the log with all of them as assumed: they stay free
+            break
         wrong |= more
+        found = _explained_beside(here, refuted, noise_first=noise_first)
     far = {u.own: u.far * u.sd for u in scene.unknowns if u.own}
     named = {
         a.addition.placed.where
@@ -109,6 +115,11 @@ def answered(scene: Scene, *, noise_first: bool) -> Answered:
     kept = [a for a in found.added if not (_is_error(a) and a.addition.placed.where in wrong - named)]
     fit = fitted(free, ScenePoint(tuple(a.addition.placed for a in kept), start_of(free).unknowns))
     return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit, free, found.refused))
+
+
+def _explained_beside(scene: Scene, refuted: Sequence[Placed], *, noise_first: bool) -> Explained:
+    """The scene explained, with what is refuted before anything is looked for there from the beginning."""
+    return explained(scene, _limits(scene) if noise_first else LIMITS, together=refuted)
 
 
 def _limits(scene: Scene) -> SearchLimits:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +11,6 @@ from numpy.typing import NDArray
 from kfgen.core.tape import Tape
 
 Array = NDArray[np.float64]
-
-MAX_THREADS = min(4, os.cpu_count() or 1)
-"""Threads that share the columns of a batch; the compiled loop holds no lock."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +36,6 @@ class Steps:
     dt: Array
     substeps: int
 
-    def of(self, columns: NDArray[np.intp]) -> Steps:
-        """The steps of some columns of the batch."""
-        U = self.U if self.U.shape[4] == 1 else self.U[..., columns]
-        return replace(self, given=[g[columns] for g in self.given], U=U)
-
 
 def integrate(steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:
     """The states, shape (n, states, batch); at the samples `starts` they are set to `X0`.
@@ -59,12 +49,7 @@ def integrate(steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:
         from kfgen.model.plant.compiled import integrate as compiled
     except ImportError:
         return _integrate(steps, starts, X0)
-    parts = np.array_split(np.arange(X0.shape[2]), min(MAX_THREADS, X0.shape[2]))
-    if len(parts) < 2:
-        return _run(compiled, steps, starts, X0)
-    with ThreadPoolExecutor(len(parts)) as pool:
-        found = pool.map(lambda c: _run(compiled, steps.of(c), starts, X0[:, :, c]), parts)
-        return np.concatenate(list(found), axis=2)
+    return _run(compiled, steps, starts, X0)
 
 
 def _run(compiled: Callable[..., None], steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.driven.first_order_lag import behind
+from kfgen.effects.driven.first_order_lag import behind, faded
 from kfgen.effects.plant.terms import InputChange
 
 Array = NDArray[np.float64]
@@ -70,11 +70,10 @@ class Signal:
         if not self.held:
             return behind(self.t, u, np.broadcast_to(tau, np.broadcast_shapes(tau.shape, first.shape)), first)
         stay = np.exp(-np.diff(self.t)[:, None] / tau)
-        x = np.empty(np.broadcast_shapes(u.shape, (1, tau.size), (1, first.size)))
-        x[0] = first
-        for k in range(stay.shape[0]):
-            x[k + 1] = u[k] + (x[k] - u[k]) * stay[k]
-        return x
+        driven = np.empty(np.broadcast_shapes(u.shape, (1, tau.size), (1, first.size)))
+        driven[0] = first
+        driven[1:] = u[:-1] * (1.0 - stay)
+        return faded(self.t, stay, driven)
 
     @property
     def plain(self) -> bool:
