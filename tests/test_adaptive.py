@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 from filterpy.kalman import KalmanFilter
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2
@@ -81,8 +82,8 @@ def jumps(n: int) -> Array:
     return z
 
 
-@pytest.mark.parametrize("n", [20_000, pytest.param(1_000_000, marks=pytest.mark.long)])
-@pytest.mark.parametrize("name", rules())
+@pytest.mark.parametrize("n", in_part([20_000, pytest.param(1_000_000, marks=pytest.mark.long)]))
+@pytest.mark.parametrize("name", in_part(rules()))
 def test_covariances_stay_positive_definite(name: str, n: int) -> None:
     """Through jumps, outliers and holes; R and Q stay inside their bounds, P has positive pivots all along."""
     found = run_filter(jumps(n), ScalarModel.of(Arma(PAPER.phi, PAPER.theta, 1.0)), rule_named(name))
@@ -151,6 +152,7 @@ def smoother(K: float) -> ScalarModel:
     return ScalarModel(np.eye(1), np.array([[K**2 / (1 - K)]]), np.ones(1), 1.0)
 
 
+@pytest.mark.long
 def test_the_price_of_an_exponential_smoother() -> None:
     """In closed form: unit response at zero, half of a step after ln 2 / K samples, a known -3 dB point."""
     K, dt = 0.05, 0.01
@@ -166,6 +168,7 @@ def test_the_price_of_an_exponential_smoother() -> None:
     assert "only low-passes" in cost.words
 
 
+@pytest.mark.long
 def test_the_paper_s_filter_scales_everything() -> None:
     """ARMA(2,1) as the state and R = 980 Q: a constant rate falls to the share to which the noise falls."""
     z = 0.1 * np.random.default_rng(4).standard_normal(20_000)
@@ -338,6 +341,7 @@ def test_run_adapts_from_the_command_line(kfgen: Call, tmp_path: Path) -> None:
     assert kfgen("run", "gyro-static", log, "--adaptive", "magic").exit_code == 2
 
 
+@pytest.mark.long
 def test_the_order_is_chosen_by_akaike(kfgen: Call, tmp_path: Path) -> None:
     """An AR(2) far from an AR(1): every order that has it in it is better than those that lack it."""
     y = lfilter([1.0], [1.0, -0.5, 0.4], np.random.default_rng(3).standard_normal(3000))

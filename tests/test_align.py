@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 
 from kfgen.emit.reference import Machine
@@ -68,7 +69,7 @@ def number(machine: Machine, name: str) -> float:
     return float(machine.arrays["supervisor"][[n for n, _ in machine.program.supervisor.places].index(name)])
 
 
-@pytest.mark.parametrize(("name", "form", "options"), CASES)
+@pytest.mark.parametrize(("name", "form", "options"), in_part(CASES))
 def test_any_attitude_is_found_within_its_covariance(name: str, form: str, options: dict[str, str]) -> None:
     rng = np.random.default_rng(11)
     machine = started(name, form, options)
@@ -112,9 +113,9 @@ def falling(f: Any, w: Any, k: int) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize(
-    ("disturbed", "reason"), [(turning, "TURNING"), (shaken, "SHAKEN"), (falling, "NOT_GRAVITY")]
+    ("disturbed", "reason"), in_part([(turning, "TURNING"), (shaken, "SHAKEN"), (falling, "NOT_GRAVITY")])
 )
-@pytest.mark.parametrize("name", ["ahrs6", "ins15"])
+@pytest.mark.parametrize("name", in_part(["ahrs6", "ins15"]))
 def test_no_attitude_until_it_is_at_rest(
     disturbed: Callable[[Any, Any, int], tuple[Any, Any]], reason: str, name: str
 ) -> None:

@@ -66,6 +66,7 @@ def test_row_4_ins_at_rest_hides_four_directions() -> None:
     assert all(d.units.keys() == d.vector.keys() for d in answer.directions)
 
 
+@pytest.mark.long
 def test_what_hides_a_milliradian_is_no_more_than_all_of_a_scale_factor() -> None:
     """Normal gravity on Earth-centred axes is 1e-5 m/s^2 off the level: only 703 times its scale would hide a tilt."""
     (tilt,) = (
@@ -331,6 +332,7 @@ def test_table_says_what_frees_what() -> None:
     assert answer.table.shortest is LIBRARY["s-turn"]
 
 
+@pytest.mark.long
 def test_gauges_are_named() -> None:
     from audit_models import FEATURE, With, camera, model
 
@@ -345,6 +347,7 @@ def test_gauges_are_named() -> None:
     assert turning == pytest.approx({"phi_D": 1.0, "f1_N": -5.0, "f1_E": 30.0})
 
 
+@pytest.mark.long
 def test_amounts_are_numbers_where_the_start_is_level_to_the_last_digit_only() -> None:
     """A body with level axes, in Earth axes: each component of the field is hidden by the iron along its own axis."""
     chosen = {

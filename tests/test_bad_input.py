@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from typer.testing import Result
 
 Cli = Callable[..., Result]
@@ -478,7 +479,7 @@ PROCESS = {
 }
 
 
-@pytest.mark.parametrize("case", PROCESS)
+@pytest.mark.parametrize("case", in_part(PROCESS))
 def test_one_message_exit_status_2_and_nothing_left(case: str) -> None:
     put(rows())
     put(changed(5, "0.03,oops"), "word.csv")

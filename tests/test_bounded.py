@@ -44,6 +44,7 @@ def of_motion(M: sp.Matrix, dt: float) -> np.ndarray:
     return np.array(block.subs(dict.fromkeys(block.free_symbols, 0)), dtype=np.float64)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dt", in_part([0.1, 0.01, 1e-3]))
 def test_a_step_of_any_length_is_the_exact_one(dt: float) -> None:
     """Up to the longest step, a half of the time constant, to single precision."""

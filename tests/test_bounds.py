@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from in_part import in_part
 
 from kfgen.core.errors import InputError
 from kfgen.emit.folder import EmittedFilter, write_folder
@@ -75,7 +76,7 @@ def trees(depth: int) -> st.SearchStrategy[Expr]:
 
 @given(tree=trees(4), x=ENDS, y=ENDS, shares=st.tuples(st.floats(0, 1), st.floats(0, 1)))
 @settings(max_examples=500, deadline=None)
-@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize("real", in_part(["float", "double"]))
 def test_an_interval_holds_what_the_precision_makes(
     real: str, tree: Expr, x: list[float], y: list[float], shares: tuple[float, float]
 ) -> None:
@@ -172,8 +173,8 @@ RARE = {"hold", "fuse_held", "recentre"}
 """Routines of held states, and what takes the word of the border."""
 
 
-@pytest.mark.parametrize("form", ["ud", "p"])
-@pytest.mark.parametrize("name", ["ahrs6", "ins15"])
+@pytest.mark.parametrize("form", in_part(["ud", "p"]))
+@pytest.mark.parametrize("name", in_part(["ahrs6", "ins15"]))
 def test_what_flies_is_proven(name: str, form: str) -> None:
     """No operation of predict and updates is open, but of what held states take; all of `ahrs6` is proven but its check."""
     found = bounded(name, form)
@@ -184,7 +185,7 @@ def test_what_flies_is_proven(name: str, form: str) -> None:
     assert [n for n in ("init", "align", "supervise") if found[n].open] == []
 
 
-@pytest.mark.parametrize("form", ["ud", "p"])
+@pytest.mark.parametrize("form", in_part(["ud", "p"]))
 def test_in_double_precision_held_states_are_proven_too(form: str) -> None:
     found = bounded("ins15", form, "double")
     assert {
@@ -244,11 +245,12 @@ def calls(p: Program, count: int, change: Callable[[str], str] = lambda text: te
 MANY = [pytest.param(1_000_000, marks=pytest.mark.long), 15_000]
 
 
-@pytest.mark.parametrize("count", MANY)
+@pytest.mark.parametrize("count", in_part(MANY))
 @pytest.mark.parametrize(
-    ("form", "real"), [("ud", "float"), ("p", "float"), pytest.param("ud", "double", marks=pytest.mark.long)]
+    ("form", "real"),
+    in_part([("ud", "float"), ("p", "float"), pytest.param("ud", "double", marks=pytest.mark.long)]),
 )
-@pytest.mark.parametrize("name", ["ahrs6", "ins15"])
+@pytest.mark.parametrize("name", in_part(["ahrs6", "ins15"]))
 def test_hostile_calls_raise_no_flag(name: str, form: str, real: str, count: int) -> None:
     found = calls(program(name, form, real), count)
     assert found.calls >= 0.9 * count
@@ -315,6 +317,7 @@ def test_a_python_module_has_none(tmp_path: Path) -> None:
         folder_answer(tmp_path / "py", ["host"], bounded=True)
 
 
+@pytest.mark.long
 def test_a_core_counts_the_longest_calls(tmp_path: Path) -> None:
     """Rejected samples and held states take more than calm ones: the most is told, for every routine that was called."""
     pytest.importorskip("unicorn")

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.c import CPrinter
@@ -52,7 +53,7 @@ def bench(name: str = "codegen") -> dict[str, Any]:
     return runpy.run_path(f"{folder}/{name}.py")
 
 
-@pytest.mark.parametrize(("name", "form"), TARGETS)
+@pytest.mark.parametrize(("name", "form"), in_part(TARGETS))
 def test_covariance_prediction(name: str, form: str) -> None:
     """Never more than budgeted; never under its bounds, else the count or the bound is wrong."""
     problem = bench()["Problem"](bench()["stepped"](name))
@@ -62,7 +63,7 @@ def test_covariance_prediction(name: str, form: str) -> None:
     assert form == "ud" or flops > bench()["bound"](problem)
 
 
-@pytest.mark.parametrize(("name", "form"), ROUTINES)
+@pytest.mark.parametrize(("name", "form"), in_part(ROUTINES))
 def test_whole_routines(name: str, form: str) -> None:
     """State, guards, gate and injection with them."""
     program = Program(DiscreteModel(build(name)), form)
@@ -114,6 +115,7 @@ def test_operations_that_a_core_executes_are_counted(tmp_path: Path) -> None:
     assert board.flops == 5
 
 
+@pytest.mark.long
 def test_whole_filters_are_right_and_no_dearer_than_common_subexpressions() -> None:
     """Results of either are compared with double precision by the benchmark; fusion of P takes the same operations."""
     found = bench("whole_filter")

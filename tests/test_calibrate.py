@@ -126,6 +126,7 @@ def test_poses_of_an_accelerometer() -> None:
     assert v == pytest.approx(0.12, abs=0.003)
 
 
+@pytest.mark.long
 def test_a_magnetometer_in_all_directions() -> None:
     W = A / A[2, 2]
     iron = {f"mag {a}": 40e-6 * float(B[i]) for i, a in enumerate(AXES)}
@@ -148,6 +149,7 @@ def test_turns_of_a_gyro() -> None:
     assert half[1] < 0.028 < half[2]
 
 
+@pytest.mark.long
 def test_it_is_a_noise_file_that_other_verbs_read(kfgen: Cli, tmp_path: Path) -> None:
     log = tmp_path / "poses.csv"
     data = posed(2)

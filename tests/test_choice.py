@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.signal import lfilter
@@ -103,6 +104,7 @@ def test_a_score_is_the_gain_less_what_each_term_costs() -> None:
 # Random effects.
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seeds", "most"), [(8, 3), pytest.param(40, 9, marks=pytest.mark.long)])
 def test_white_noise_alone_stays_alone(seeds: int, most: int) -> None:
     found = [
@@ -112,7 +114,7 @@ def test_white_noise_alone_stays_alone(seeds: int, most: int) -> None:
     assert sum(len(f) > 1 for f in found) <= most
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", in_part(range(2)))
 def test_a_walk_is_found(seed: int) -> None:
     rng = np.random.default_rng([seed, 2])
     found = identify(Record(times(4000), white(rng, 4000) + walk(rng, 4000, 0.05)))
@@ -132,6 +134,7 @@ def test_a_strong_gauss_markov_is_found(seed: int) -> None:
     assert holds(found, "gauss_markov", "tau", 5.0)
 
 
+@pytest.mark.long
 def test_two_gauss_markov_well_separated_are_two() -> None:
     """0.3 at 2 s and 0.5 at 100 s, over 20 000 s: 200 of the longer correlation times."""
     rng, n = np.random.default_rng(4), 200_000
@@ -199,7 +202,7 @@ def test_flicker_shaped_in_frequency(seed: int) -> None:
 # Deterministic drifts.
 
 
-@pytest.mark.parametrize("R", [3e-3, -3e-3])
+@pytest.mark.parametrize("R", in_part([3e-3, -3e-3]))
 def test_a_ramp_is_found(R: float) -> None:
     rng, n = np.random.default_rng(10), 3000
     found = identify(Record(times(n), 5.0 + white(rng, n) + R * times(n)))
@@ -211,7 +214,7 @@ def test_a_ramp_is_found(R: float) -> None:
     assert hi - lo == pytest.approx(2 * 1.96 * 0.1 * np.sqrt(12 / 300.0**3), rel=0.1)
 
 
-@pytest.mark.parametrize(("size", "tau"), [(2.0, 60.0), (-0.5, 20.0)])
+@pytest.mark.parametrize(("size", "tau"), in_part([(2.0, 60.0), (-0.5, 20.0)]))
 def test_a_warm_up_is_found(size: float, tau: float) -> None:
     rng, n = np.random.default_rng(11), 4000
     found = identify(Record(times(n), white(rng, n) + size * np.exp(-times(n) / tau)))
@@ -236,8 +239,8 @@ def test_a_temperature_is_found_where_it_acts() -> None:
     assert value(found, "temperature", "coefficient") == pytest.approx(-0.2, rel=0.1)
 
 
-@pytest.mark.parametrize("K", [0.0, 0.05])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("K", in_part([0.0, 0.05]))
+@pytest.mark.parametrize("seed", in_part(range(3)))
 def test_a_temperature_is_not_found_where_it_does_not_act(seed: int, K: float) -> None:
     """Nor does a random walk borrow it: 20 is passed by chance once in 1e5."""
     rng, n = np.random.default_rng([seed, 13]), 2000

@@ -41,7 +41,7 @@ def N_of(result: Identified) -> float:
     return float(result.fit.effects[0].N)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("frequency", [3.217, 12.0, 41.9])
+@pytest.mark.parametrize("frequency", in_part([3.217, 12.0, 41.9]))
 def test_a_line_is_found_and_removed(frequency: float) -> None:
     result = found(white(1) + 0.4 * np.sin(2 * np.pi * frequency * T + 0.3))
     assert len(result.lines) == 1
@@ -50,6 +50,7 @@ def test_a_line_is_found_and_removed(frequency: float) -> None:
     assert N_of(result) == pytest.approx(0.1, rel=0.02)
 
 
+@pytest.mark.long
 def test_without_a_line_none_is_found() -> None:
     assert [len(found(white(seed)).lines) for seed in range(5)] == [0] * 5
 
@@ -80,7 +81,7 @@ def test_a_step_and_an_adc_grid_are_no_outliers() -> None:
     assert not is_outlier(coarse).any()
 
 
-@pytest.mark.parametrize("corner", [10.0, 20.0, 35.0])
+@pytest.mark.parametrize("corner", in_part([10.0, 20.0, 35.0]))
 def test_a_low_pass_is_left_out_of_the_fit(corner: float) -> None:
     b, a = butter(2, corner / (RATE / 2))
     result = found(lfilter(b, a, white(5)))

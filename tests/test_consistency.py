@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -180,15 +181,15 @@ def quick_first(cases: list[Case]) -> list[Any]:
     return [pytest.param(c, marks=pytest.mark.long if c in LONG else (), id=c[0]) for c in cases]
 
 
-@pytest.mark.parametrize("case", quick_first(SHORT))
+@pytest.mark.parametrize("case", in_part(quick_first(SHORT)))
 def test_a_filter_is_as_sure_as_it_should_be(case: Case) -> None:
     consistent(case, 8.0, 8)
 
 
 @pytest.mark.parametrize(
-    "manoeuvre", [MANOEUVRES[0], *(pytest.param(m, marks=pytest.mark.long) for m in MANOEUVRES[1:])]
+    "manoeuvre", in_part([MANOEUVRES[0], *(pytest.param(m, marks=pytest.mark.long) for m in MANOEUVRES[1:])])
 )
-@pytest.mark.parametrize("case", quick_first(TURNS))
+@pytest.mark.parametrize("case", in_part(quick_first(TURNS)))
 def test_a_filter_is_as_sure_as_it_should_be_in_turns(case: Case, manoeuvre: str) -> None:
     consistent(case, 8.0, 6, manoeuvre)
 

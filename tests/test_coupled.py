@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from in_part import in_part
 
 from kfgen.emit.covariance.order import in_groups, work
 from kfgen.emit.folder import write_folder
@@ -146,8 +147,8 @@ CASES = [*((f"circle{k}", {}) for k in range(6)), ("ins15", TURNING)]
 CASES += [pytest.param("ins15", o, marks=pytest.mark.long) for o in (LEVEL, EARTH_FIXED)]
 
 
-@pytest.mark.parametrize("loops", [False, True])
-@pytest.mark.parametrize(("name", "options"), CASES)
+@pytest.mark.parametrize("loops", in_part([False, True]))
+@pytest.mark.parametrize(("name", "options"), in_part(CASES))
 def test_prediction_is_the_dense_one(name: str, options: dict[str, str], loops: bool) -> None:
     """To rounding: 1e-11 of the product of the two standard deviations, at three states."""
     chosen = tuple(options.items())

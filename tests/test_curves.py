@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import kstest
@@ -82,8 +83,8 @@ def parameters(found: Any) -> dict[str, float]:
     return {p.name: float(getattr(e, p.name)) for e in found.fit.effects for p in e.estimated()}
 
 
-@pytest.mark.parametrize("chosen", [True, False])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("chosen", in_part([True, False]))
+@pytest.mark.parametrize("case", in_part(CASES))
 def test_a_curve_of_theory_is_recovered(case: str, chosen: bool) -> None:
     """Within 1 %, whether the effects are named or chosen; the interval holds the truth."""
     avar, names, truth = CASES[case]
@@ -207,6 +208,7 @@ def test_the_command_line_reads_a_band(kfgen: Callable[..., Any], tmp_path: Path
     assert np.log(found[1][1] / found[1][0]) == pytest.approx(4 * np.log(found[0][1] / found[0][0]), rel=0.02)
 
 
+@pytest.mark.long
 def test_the_values_of_a_curve_are_no_motion(kfgen: Callable[..., Any], tmp_path: Path) -> None:
     """Allan deviations of three accelerometers fall along the curve, each in its own way: gravity does not turn."""
     d = np.sqrt(white(TAU, 0.02) + walk(TAU, 1e-3))
@@ -373,7 +375,7 @@ def published(path: Path, column: str) -> tuple[Array, Array]:
     return data[:, 0], data[:, names.index(column)]
 
 
-@pytest.mark.parametrize(("name", "column"), cases())
+@pytest.mark.parametrize(("name", "column"), in_part(cases()))
 def test_white_noise_of_a_published_curve(name: str, column: str, recording: Callable[[str], Path]) -> None:
     """Where an octave falls as white noise does, by -1/2 within 0.03: N is the Allan deviation there, within 5 %."""
     tau, d = published(recording(f"allan_curves/{name}"), column)

@@ -15,6 +15,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 
 from kfgen.core import linear
@@ -127,9 +128,9 @@ def errors(d: DiscreteModel, seed: int, dt: float, scale: np.ndarray) -> tuple[f
     return float((off[0] / scale[:, None] * scale).max()), float((off[1] / np.outer(scale, scale)).max())
 
 
-@pytest.mark.parametrize("name", ["ahrs6", "ins15"])
-@pytest.mark.parametrize("order", [1, 2, 3])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("name", in_part(["ahrs6", "ins15"]))
+@pytest.mark.parametrize("order", in_part([1, 2, 3]))
+@pytest.mark.parametrize("seed", in_part(range(2)))
 def test_coupling_converges_with_its_order(name: str, order: int, seed: int) -> None:
     d, dt = loaded(name, order), 0.01
     F, W, *_ = filled(d, seed, dt)
@@ -165,7 +166,7 @@ def test_process_noise_is_positive_semidefinite(name: str, order: int, dt: float
     assert np.linalg.eigvalsh(scaled).min() > -1e-12
 
 
-@pytest.mark.parametrize("dt", [1e-6, pytest.param(1e-3, marks=pytest.mark.long), 0.05])
+@pytest.mark.parametrize("dt", in_part([1e-6, pytest.param(1e-3, marks=pytest.mark.long), 0.05]))
 def test_noise_of_turned_states_that_noise_drives_is_positive_semidefinite(dt: float) -> None:
     d, rng = DiscreteModel(build("ahrs25")), np.random.default_rng(3)
     speed = {s.name: 10.0 * rng.normal() for s in d.model.states if s.name.startswith(("vl_", "al_"))}

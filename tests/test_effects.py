@@ -262,7 +262,7 @@ def avar_of_density(effect: Effect, tau: float) -> float:
     return float(4.0 / (np.pi * tau) * (body + tail))
 
 
-@pytest.mark.parametrize("name", RANDOM)
+@pytest.mark.parametrize("name", in_part(RANDOM))
 @pytest.mark.parametrize("tau", in_part([0.3, 30.0]))
 def test_allan_variance_is_the_integral_of_the_density(name: str, tau: float) -> None:
     effect = EXAMPLES[name]
@@ -613,6 +613,7 @@ def test_a_new_effect_whose_states_drive_one_another_becomes_code(hum: Any) -> N
     assert all(name in text for name in names)
 
 
+@pytest.mark.long
 def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
     record = hum_record()
     found = identify(record, ["white_noise", "test_hum"])

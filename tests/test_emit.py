@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 
 import kfgen
@@ -241,8 +242,8 @@ def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
     np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-14)
 
 
-@pytest.mark.parametrize(("name", "order"), [*CASES, *((e, 1) for e in ERRORS)])
-@pytest.mark.parametrize(("form", "loops"), MOST_FORMS)
+@pytest.mark.parametrize(("name", "order"), in_part([*CASES, *((e, 1) for e in ERRORS)]))
+@pytest.mark.parametrize(("form", "loops"), in_part(MOST_FORMS))
 def test_prediction_is_the_dense_formula(name: str, order: int, form: str, loops: bool) -> None:
     f = Filter(name, order, 3, form=form, loops=loops)
     Phi, Qd, step = f.evaluate("step")
@@ -350,7 +351,7 @@ def test_an_input_that_is_no_number_is_said_and_changes_nothing(where: str, wron
             assert estimate(f.machine) == before
 
 
-@pytest.mark.parametrize("name", [*NAMES, "ahrs6 loaded", "ins15 loaded"])
+@pytest.mark.parametrize("name", in_part([*NAMES, "ahrs6 loaded", "ins15 loaded"]))
 def test_filterpy_module_is_the_routines(name: str) -> None:
     p = program(name)
     kf, machine = getattr(load(p), class_name(p))(), Machine(p, np.float64)
@@ -370,7 +371,7 @@ def test_filterpy_module_is_the_routines(name: str) -> None:
     np.testing.assert_allclose(kf.nominal, machine.arrays["x"], rtol=1e-8, atol=1e-8 * sd[good].min())
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", in_part(NAMES))
 def test_the_proofs_scenario_meets_every_branch_that_inputs_can_reach(name: str) -> None:
     """Mostly accepted calls, else it would prove nothing; some refused and gated, else branches stay unproven.
 
@@ -514,8 +515,8 @@ def use_all(names: Sequence[str]) -> str:
 LANGUAGES = [("gcc", "-std=c99", "c"), ("gcc", "-std=c11", "c"), ("g++", "-std=c++11", "cpp")]
 
 
-@pytest.mark.parametrize("names", [*([n] for n in NAMES), ["ahrs6", "ins15"]], ids="+".join)
-@pytest.mark.parametrize(("tool", "standard", "suffix"), LANGUAGES)
+@pytest.mark.parametrize("names", in_part([*([n] for n in NAMES), ["ahrs6", "ins15"]]), ids="+".join)
+@pytest.mark.parametrize(("tool", "standard", "suffix"), in_part(LANGUAGES))
 def test_header_compiles_without_a_warning(
     names: list[str], tool: str, standard: str, suffix: str, tmp_path: Path
 ) -> None:
@@ -554,8 +555,8 @@ def test_self_test_passes(name: str, tmp_path: Path) -> None:
     assert re.fullmatch(r"\d+ values, 0 differing\n", done.stdout)
 
 
-@pytest.mark.parametrize(("form", "loops"), MOST_FORMS)
-@pytest.mark.parametrize("name", ["pendulum", "ahrs6 loaded"])
+@pytest.mark.parametrize(("form", "loops"), in_part(MOST_FORMS))
+@pytest.mark.parametrize("name", in_part(["pendulum", "ahrs6 loaded"]))
 def test_self_test_passes_in_any_form(name: str, form: str, loops: bool, tmp_path: Path) -> None:
     done = self_test(written(tmp_path, name, form, loops))
     assert done.returncode == 0
@@ -588,7 +589,7 @@ def first_setting(e: Expr) -> Num:
     return e
 
 
-@pytest.mark.parametrize(("name", "routine"), ROUTINES)
+@pytest.mark.parametrize(("name", "routine"), in_part(ROUTINES))
 def test_self_test_fails_when_a_constant_is_altered(name: str, routine: str, tmp_path: Path) -> None:
     """The first constant of the routine's arithmetic, by one part in a thousand; of others the first setting."""
     p = program(name)
@@ -672,6 +673,7 @@ def test_operation_counts_are_those_of_the_text(name: str) -> None:
         assert int(said[r.name]) == counted > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "target"), [pytest.param("ins15", "c", marks=pytest.mark.long), ("ahrs6", "filterpy")]
 )
@@ -715,7 +717,7 @@ class OnHost:
         return self.status.value
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", in_part(NAMES))
 def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> None:
     host = OnHost(name, tmp_path)
     inputs = [0.1] * (sum(a.size or 1 for a in host.p.routines[1].arguments) - 1)
@@ -748,7 +750,7 @@ def emitted_c(folder: Path, name: str, form: str = "p") -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("name", "form"), [("ahrs6", "p"), ("ins15", "ud"), ("gyro-static", "p")])
+@pytest.mark.parametrize(("name", "form"), in_part([("ahrs6", "p"), ("ins15", "ud"), ("gyro-static", "p")]))
 def test_the_example_program_runs(name: str, form: str, tmp_path: Path) -> None:
     folder = emitted_c(tmp_path / "f", name, form)
     out = str(tmp_path / "main")
@@ -1034,8 +1036,8 @@ SAMPLES = [
 ]
 
 
-@pytest.mark.parametrize("target", ["c", "numpy", "filterpy"])
-@pytest.mark.parametrize(("options", "sentence"), SAMPLES)
+@pytest.mark.parametrize("target", in_part(["c", "numpy", "filterpy"]))
+@pytest.mark.parametrize(("options", "sentence"), in_part(SAMPLES))
 def test_what_acts_on_a_log_is_said_to_who_has_none(
     options: dict[str, str], sentence: str, target: str, tmp_path: Path
 ) -> None:

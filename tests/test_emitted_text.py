@@ -90,6 +90,7 @@ def said(options: dict[str, str], form: str = "ud", **choices: Any) -> str:
     return lines
 
 
+@pytest.mark.long
 def test_choices_that_are_less_are_warned_of_with_their_remedy() -> None:
     assert "--form ud" in said({}, form="p")
     assert "--form ud" not in said({}) + said({}, form="p", real="double")

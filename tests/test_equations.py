@@ -206,6 +206,7 @@ def test_an_emitted_plant_has_the_words_of_its_reference(written: Path, tmp_path
     assert read_model(tmp_path / "out" / "model.toml").states.keys() == read_model(written).states.keys()
 
 
+@pytest.mark.long
 def test_a_filter_follows_its_plant(written: Path) -> None:
     discrete = DiscreteModel(build(str(written)), rate=100.0)
     log = simulate(discrete, "generic", 60.0, np.random.default_rng(1))

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 import kfgen as kf
 from kfgen.effects.inertial.lag import TimeDelay
@@ -67,13 +68,15 @@ def comparison(result: GapResult) -> Comparison:
 
 @pytest.mark.parametrize(
     ("manoeuvre", "expected"),
-    [
-        pytest.param("static", True, marks=pytest.mark.long),
-        ("cruise", False),
-        ("hover", False),
-        ("yaw-turn", False),
-        ("accelerate", False),
-    ],
+    in_part(
+        [
+            pytest.param("static", True, marks=pytest.mark.long),
+            ("cruise", False),
+            ("hover", False),
+            ("yaw-turn", False),
+            ("accelerate", False),
+        ]
+    ),
 )
 def test_a_vehicle_that_never_moves_is_parked(manoeuvre: str, expected: bool) -> None:
     scene = flight_scene(log_of(manoeuvre), model())
@@ -88,6 +91,7 @@ def test_vibration_is_no_motion() -> None:
     assert is_parked(scene)
 
 
+@pytest.mark.long
 def test_a_parked_log_is_said_in_words_json_and_page() -> None:
     answer = gap_answer(found("static"))
     assert "The vehicle is parked: it never moves in this log" in answer.text
@@ -129,6 +133,7 @@ def test_what_a_parked_log_cannot_show_is_named_with_the_manoeuvre() -> None:
     assert "lever_arm x" in missed
 
 
+@pytest.mark.long
 def test_a_straight_flight_excites_the_delay_of_positions_and_no_turn() -> None:
     straight, generic = limits(found("cruise")), limits(found("generic"))
     assert straight["time_delay", "gnss_p_N", "delay"].is_excited

@@ -48,6 +48,7 @@ def warm() -> GapResult:
     return find_gap(log_of(0.2), MODEL)
 
 
+@pytest.mark.long
 def test_a_result_says_what_was_found(warm: GapResult) -> None:
     assert warm.verdict == "effects_found"
     (found,) = warm.findings
@@ -85,6 +86,7 @@ def test_the_updated_model_is_a_model(warm: GapResult) -> None:
     assert (again.verdict, again.findings) == ("no_gap", ())
 
 
+@pytest.mark.long
 def test_the_command_line_only_presents(
     warm: GapResult, kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:

@@ -126,6 +126,7 @@ def test_ahead_is_students_law_without_errors() -> None:
         assert ahead.p_value(y.mean() + z * wide, 0.0) == pytest.approx(2 * student.sf(z, 6), rel=3e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("k", "spread"), in_part([(12, 0.1), (5, 0.1), (12, 1.0)]))
 def test_intervals_and_alarms(k: int, spread: float) -> None:
     """Sensors known to 4 to 27 %, a spread of 10 % or 100 %."""
@@ -231,6 +232,7 @@ def logs(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_fleet_of_logs(kfgen: Cli, logs: Path) -> None:
     page, data, noise = logs / "f.html", logs / "f.json", logs / "typical.toml"
     done = kfgen("fleet", logs / "s*.csv", "--jobs", 1, "--json", data, "--report", page, "-o", noise)
@@ -286,6 +288,7 @@ def test_a_cluster_of_two_workers(kfgen: Cli, logs: Path) -> None:
     assert [Path(o["log"]).name for o in json.loads(far.read_text())["logs"]] == [n.name for n in names]
 
 
+@pytest.mark.long
 def test_processes_and_order(kfgen: Cli, logs: Path) -> None:
     names = sorted(logs.glob("s[0-3].csv"))
     first, second = logs / "a.json", logs / "b.json"
@@ -294,6 +297,7 @@ def test_processes_and_order(kfgen: Cli, logs: Path) -> None:
     assert first.read_text() == second.read_text()
 
 
+@pytest.mark.long
 def test_gap_over_a_fleet(kfgen: Cli, tmp_path: Path) -> None:
     """A line in each of three sensors, of the same frequency; what is assumed is white noise."""
     for k in range(3):
@@ -320,6 +324,7 @@ def test_gap_over_a_fleet(kfgen: Cli, tmp_path: Path) -> None:
     assert frequency["population"]["median"] == pytest.approx(3.3, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_bad_log_does_not_stop_the_others(kfgen: Cli, logs: Path) -> None:
     (logs / "s5.csv").write_text("rubbish\n")
     write(logs / "s6.csv", 0.005, 99, "m/s^2")

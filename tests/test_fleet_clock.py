@@ -75,6 +75,7 @@ def log(seed: int, rate: float, stated: float = 100.0) -> Log:
     return Log(np.arange(n) / stated, {"gyro_x": Channel.of(y, "deg/s")}, f"unit{seed}.csv")
 
 
+@pytest.mark.long
 def test_a_fleet_of_logs_names_the_fast_one() -> None:
     found = fleet([log(k, 117.0 if k == 4 else 100.0) for k in range(6)], jobs=1)
     (clock,) = found.clocks

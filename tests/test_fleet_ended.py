@@ -56,6 +56,7 @@ class DeadlyOnce(LogTask):
         return task_unless_new, (f"{self.log}.mark", self.log)
 
 
+@pytest.mark.long
 def test_a_dead_process_costs_its_own_log_only_and_names_it(tmp_path: Path) -> None:
     logs = [str(write(tmp_path / f"{k}.csv", k)) for k in range(3)]
     tasks = [LogTask(logs[0]), Deadly("deadly.csv"), DeadlyOnce(logs[1]), LogTask(logs[2])]
@@ -83,6 +84,7 @@ def test_an_outcome_comes_back_from_the_journal(tmp_path: Path) -> None:
     assert str(again) == str(outcome)  # not a number is not equal to itself
 
 
+@pytest.mark.long
 def test_a_run_goes_on_from_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for k in range(4):
         write(tmp_path / f"{k}.csv", k)
@@ -149,6 +151,7 @@ def children(pid: int) -> list[int]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize(
     "number",

@@ -93,6 +93,7 @@ def driven(log: Log) -> tuple[Placed, ...]:
     return scene.with_inertial_noise(fitted(scene, start_of(scene)).point).said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sensor", "sd"), [("accel", ACCEL_SD), pytest.param("gyro", GYRO_SD, marks=pytest.mark.long)]
 )

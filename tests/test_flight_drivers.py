@@ -88,6 +88,7 @@ def log_of(name: str = "", where: str = "", size: float = 0.0) -> Log:
     return found
 
 
+@pytest.mark.long
 def test_what_a_flight_records_competes_on_every_channel() -> None:
     """Current, temperature and throttle; a pressure not, which is what the barometer itself reads."""
     log = log_of()

@@ -98,6 +98,7 @@ def test_a_flight_is_what_a_strapdown_integration_makes_of_it() -> None:
     np.testing.assert_allclose(R.inv().apply(field), f.field[-1], atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_core_that_is_counted_flies_the_same(emitted: Callable[..., EmittedFilter]) -> None:
     """On an emulated Cortex-M4F, to every figure: the words are the same."""
     for module in ("ziglang", "unicorn", "elftools"):
@@ -129,6 +130,7 @@ def test_what_a_floor_is() -> None:
     assert verdict(SOUND, reported=np.inf).missed == ()
 
 
+@pytest.mark.long
 def test_every_fault_is_reported_and_the_filter_recovers(kfgen: Callable[..., Any], tmp_path: Path) -> None:
     """On the command line: exit status 0, the table, the JSON and the page."""
     need_compiler()
@@ -148,6 +150,7 @@ def test_every_fault_is_reported_and_the_filter_recovers(kfgen: Callable[..., An
         assert f.title in page.read_text()
 
 
+@pytest.mark.long
 def test_a_filter_that_never_resets_misses_floors(
     emitted: Callable[..., EmittedFilter], tmp_path: Path
 ) -> None:

@@ -206,6 +206,7 @@ def test_a_clean_flight_has_no_gap() -> None:
     assert found.comparisons[0].limits
 
 
+@pytest.mark.long
 def test_outages_show_what_an_effect_costs() -> None:
     """A yaw gyro that reads 5 % too much in a fixed wing that circles: a heading error, that is five times an inertial drift.
 
@@ -222,6 +223,7 @@ def test_outages_show_what_an_effect_costs() -> None:
     assert flight_scene(log_of("quadrotor", 1), model()).drifts(0.2) == ()  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_a_parked_log_names_nothing() -> None:
     """The library's own simulation of a body at rest, with a lever arm that nothing can show."""
     arm = kf.build("ins15").augment("gnss", make("lever_arm", x=1.0, y=0.0, z=0.0))
@@ -285,6 +287,7 @@ def test_a_long_flight_is_flown_on_a_slower_grid_that_keeps_the_integrals(
     assert caught.value.remedy == "Give a part of the log"
 
 
+@pytest.mark.long
 def test_a_flight_that_is_averaged_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     log = log_of("quadrotor", 1)
     monkeypatch.setattr("kfgen.gap.flight.flight_log.MAX_STEPS", log.n // 2)
@@ -333,6 +336,7 @@ def test_what_no_effect_of_the_catalogue_is_stays_unknown() -> None:
     assert found.verdict == "unknown_effect"
 
 
+@pytest.mark.long
 def test_what_was_found_is_in_the_emitted_filter(tmp_path: Path) -> None:
     """The updated file is a filter file, and its code has the lever arm that the assumed one lacks."""
     found = gap_of(*HIDDEN[1])

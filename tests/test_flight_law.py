@@ -102,6 +102,7 @@ def test_what_is_named_is_emitted_proven_and_consistent(
     assert all(v.words > 1000 for v in verdicts)
 
 
+@pytest.mark.long
 def test_the_band_is_one_of_a_thousand() -> None:
     """And a flight without any effect is within it by the filter that is assumed."""
     assert pytest.approx(1e-3, rel=0.01) == BAND

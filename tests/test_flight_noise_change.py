@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 import kfgen as kf
 from kfgen.gap.flight.flight_scene import flight_scene
@@ -70,7 +71,7 @@ def changes(log: Log) -> tuple[Placed, ...]:
     return with_noise_changes(scene.path)[1]
 
 
-@pytest.mark.parametrize("sensor", DEVIATIONS)
+@pytest.mark.parametrize("sensor", in_part(DEVIATIONS))
 def test_the_level_changes_where_and_as_much_as_it_did(sensor: str) -> None:
     """Within 3 standard deviations of a ratio of two levels, one test in 370, and ten samples of the middle."""
     found = changes(louder(flight(), sensor, 3.0))
@@ -83,7 +84,7 @@ def test_the_level_changes_where_and_as_much_as_it_did(sensor: str) -> None:
     assert effect.time == pytest.approx(0.5 * DURATION_S, abs=10.0 * DURATION_S / count)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", in_part(range(3)))
 def test_a_clean_flight_has_none(seed: int) -> None:
     """15 nats beside the choice of a time: one sensor in a million."""
     assert changes(flight(seed)) == ()

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 import kfgen as kf
 from kfgen.gap.flight.flight_scene import flight_scene
@@ -58,7 +59,7 @@ def left_out(log: Log, model: FilterModel = MODEL) -> dict[str, tuple[float, flo
 
 @pytest.mark.parametrize(
     ("sensor", "share", "size"),
-    [("gnss_p", 0.05, 10.0), ("gnss_p", 0.02, 30.0), ("baro", 0.05, 10.0), ("mag", 0.02, 1e-5)],
+    in_part([("gnss_p", 0.05, 10.0), ("gnss_p", 0.02, 30.0), ("baro", 0.05, 10.0), ("mag", 0.02, 1e-5)]),
 )
 def test_outliers_are_left_out_with_their_share_and_size(sensor: str, share: float, size: float) -> None:
     """Those within the noise are not seen: up to a third of them of a size of ten times the noise."""
@@ -70,7 +71,7 @@ def test_outliers_are_left_out_with_their_share_and_size(sensor: str, share: flo
     assert 1.0 - four_sigmas < found[sensor][1] / size < 1.3 + four_sigmas
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", in_part(range(4)))
 def test_a_clean_flight_has_none(seed: int) -> None:
     assert left_out(flight(seed=seed)) == {}
 
@@ -84,6 +85,7 @@ def test_a_delay_in_manoeuvres_is_none() -> None:
     assert left_out(replace(log, channels={**log.channels, **late})) == {}
 
 
+@pytest.mark.long
 def test_planted_in_a_real_flight_they_are_found_and_its_delay_is_none(
     recording: Callable[[str], Path],
 ) -> None:

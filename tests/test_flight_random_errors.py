@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 import kfgen as kf
 from kfgen.core.units import parse_unit
@@ -66,7 +67,7 @@ def clean() -> FlightScene:
 
 
 @pytest.mark.parametrize(
-    "effect", [make("gauss_markov", sigma=0.8, tau=5.0), make("rate_random_walk", K=0.2)]
+    "effect", in_part([make("gauss_markov", sigma=0.8, tau=5.0), make("rate_random_walk", K=0.2)])
 )
 def test_a_random_error_is_the_state_that_build_gives_a_filter(effect: Any) -> None:
     """The likelihood of a flight is that of a filter whose file has the term, to what the two paths differ."""
@@ -141,6 +142,7 @@ def test_nothing_random_is_found_in_a_clean_flight() -> None:
     assert all(f.evidence < 5.0 for f in scene.likely_random_errors(fit.point))
 
 
+@pytest.mark.long
 def test_a_list_of_one_effect_is_worth_what_it_gained() -> None:
     """A step costs its time too, where a random error competes with it: the two are held against each other by this sum."""
     there = SceneExplanation(stepped := scene_of(log_of(STEP)), fitted(stepped, start_of(stepped)))

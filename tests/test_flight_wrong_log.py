@@ -101,22 +101,26 @@ def faults(log: Log) -> set[tuple[str, str]]:
 
 @pytest.mark.parametrize(
     ("change", "said"),
-    [
-        (exchanged("gyro_z", "gyro_z", -1.0), {("sign_error", "gyro_z")}),
-        pytest.param(exchanged("mag_y", "mag_y", -1.0), {("sign_error", "mag_y")}, marks=pytest.mark.long),
-        (exchanged("gyro_x", "gyro_y"), {("axis_swap", "gyro_x"), ("axis_swap", "gyro_y")}),
-        pytest.param(times(-1.0, "baro"), {("sign_error", "baro")}, marks=pytest.mark.long),
-        pytest.param(
-            times(-1.0, "mag_y", "mag_z"),
-            {("sign_error", "mag_y"), ("sign_error", "mag_z")},
-            marks=pytest.mark.long,
-        ),
-        (east_north_up, ENU),
-        (held("gnss", 30.0, 40.0), {("stuck", "gnss_p"), ("stuck", "gnss_v")}),
-        (held("baro", 0.0, 60.0), {("stuck", "baro")}),
-        (held("gyro", 30.0, 32.0), {("stuck", "gyro")}),
-        (lambda c, t: np.clip(c["accel_z"], -10.1, None, out=c["accel_z"]), {("clipping", "accel_z")}),
-    ],
+    in_part(
+        [
+            (exchanged("gyro_z", "gyro_z", -1.0), {("sign_error", "gyro_z")}),
+            pytest.param(
+                exchanged("mag_y", "mag_y", -1.0), {("sign_error", "mag_y")}, marks=pytest.mark.long
+            ),
+            (exchanged("gyro_x", "gyro_y"), {("axis_swap", "gyro_x"), ("axis_swap", "gyro_y")}),
+            pytest.param(times(-1.0, "baro"), {("sign_error", "baro")}, marks=pytest.mark.long),
+            pytest.param(
+                times(-1.0, "mag_y", "mag_z"),
+                {("sign_error", "mag_y"), ("sign_error", "mag_z")},
+                marks=pytest.mark.long,
+            ),
+            (east_north_up, ENU),
+            (held("gnss", 30.0, 40.0), {("stuck", "gnss_p"), ("stuck", "gnss_v")}),
+            (held("baro", 0.0, 60.0), {("stuck", "baro")}),
+            (held("gyro", 30.0, 32.0), {("stuck", "gyro")}),
+            (lambda c, t: np.clip(c["accel_z"], -10.1, None, out=c["accel_z"]), {("clipping", "accel_z")}),
+        ]
+    ),
 )
 def test_what_is_wrong_with_a_log_is_named(
     change: Callable[[Columns, NDArray[np.float64]], object], said: set[tuple[str, str]]

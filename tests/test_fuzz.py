@@ -43,6 +43,7 @@ def wrong(found: Iterator[str], seconds: float = float("inf")) -> list[str]:
     return out
 
 
+@pytest.mark.long
 def test_hostile_inputs(kfgen: Cli) -> None:
     assert wrong(commands(kfgen, 20261122, SHORT_INPUTS), SHORT_SECONDS) == []
 

@@ -124,6 +124,7 @@ HIDDEN: dict[str, tuple[Callable[[np.random.Generator, Array], Array], dict[str,
 SEEDS = [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", in_part(HIDDEN))
 def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> None:
@@ -184,6 +185,7 @@ def test_without_its_channel_temperature_is_not_named(seed: int) -> None:
     assert all("temperature" not in [n for n, _, _ in f.alternatives] for f in gap.findings)
 
 
+@pytest.mark.long
 def test_a_thermometer_that_says_nothing_is_not_blamed() -> None:
     """A second Gauss-Markov process beside an innocent, moving thermometer."""
     rng = np.random.default_rng(21)
@@ -228,6 +230,7 @@ def test_a_line_is_named() -> None:
     assert not any(t.significant for t in gap.after)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few")
 def test_a_burst_is_a_gap_and_no_drift() -> None:
     """A burst is no effect of the catalogue: outliers of the same errors may stand in for it."""
@@ -250,6 +253,7 @@ def test_what_no_effect_explains_is_unknown() -> None:
     assert not {"temperature", "rate_ramp", "sinusoid"} & set(names(gap))
 
 
+@pytest.mark.long
 def test_a_line_is_localised_in_its_band() -> None:
     """By the test that is made for it: one ordinate, which is half a cycle in the record wide."""
     rng = np.random.default_rng(35)
@@ -302,6 +306,7 @@ def test_a_wrong_number_within_its_interval_is_no_gap() -> None:
 # Limits.
 
 
+@pytest.mark.long
 def test_limits_name_what_would_have_been_seen() -> None:
     """Twice the stated limit of a ramp is seen (expected evidence 4 x 8 nats), a tenth is not."""
     rng = np.random.default_rng(50)
@@ -354,6 +359,7 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return log, assumed
 
 
+@pytest.mark.long
 def test_gap_answers_as_the_interface_says(
     files: tuple[Path, Path], kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:
@@ -395,6 +401,7 @@ def test_gap_answers_as_the_interface_says(
     assert effects["temperature"].coefficient == pytest.approx(coefficient["value"], rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_updated_model_has_no_gap(
     files: tuple[Path, Path], kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:
@@ -418,6 +425,7 @@ def test_a_channel_that_is_not_there_is_bad_input(
     assert kfgen("gap", log, "--model", assumed).exit_code == 2
 
 
+@pytest.mark.long
 def test_a_channel_of_the_model_that_the_log_lacks_is_said(
     files: tuple[Path, Path], kfgen: Callable[..., Result]
 ) -> None:

@@ -109,6 +109,7 @@ def test_a_hard_iron_along_one_axis_is_no_warm_up(seed: int) -> None:
     assert "warm_up" not in names
 
 
+@pytest.mark.long
 def test_lags_that_are_one_are_said_to_be() -> None:
     """A delay of 2e-4 s turns motion of 1 / (2 pi 2e-4 s) = 796 Hz by a radian; a third of that is 265 Hz."""
     rng = np.random.default_rng(0)
@@ -126,6 +127,7 @@ def test_lags_that_are_one_are_said_to_be() -> None:
     assert float(said.group(1)) == pytest.approx(265.0, rel=0.2)
 
 
+@pytest.mark.long
 def test_a_reading_that_is_early_is_rarer_and_found_where_it_is() -> None:
     """One delay in ten is of the reference: log 9 = 2.2 nats; a millisecond early is worth some 1,000 here."""
     early, late = (make("time_delay", delay=d).rarer_by_nats() for d in (-1e-3, 1e-3))

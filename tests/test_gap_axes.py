@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
+from in_part import in_part
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
@@ -63,7 +64,7 @@ def test_degrees_for_radians() -> None:
     assert float(factor.factor) == pytest.approx(180.0 / np.pi)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("coefficient", [0.8, 1.2])
+@pytest.mark.parametrize("coefficient", in_part([0.8, 1.2]))
 def test_a_scale_factor_is_no_fault(coefficient: float) -> None:
     gap = gap_of(truth() * [coefficient, 1.0, 1.0])
     assert gap.verdict != "bad_data"

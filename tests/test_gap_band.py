@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.fft import idct
 from scipy.signal import butter, sosfilt
@@ -37,7 +38,7 @@ def resonance(rng: np.random.Generator, damping: float) -> Array:
     return np.asarray(idct(np.concatenate([[0.0], X]), norm="ortho"))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", in_part(range(3)))
 def test_noise_of_a_band_and_resonances_are_distinguished(seed: int) -> None:
     """Of 100 nats or more: of 16 of other seeds 14 bands have odds above 2 nats, of 32 resonances none."""
     rng = np.random.default_rng([41, seed])
@@ -47,6 +48,7 @@ def test_noise_of_a_band_and_resonances_are_distinguished(seed: int) -> None:
         assert band_log_odds(z + 0.4 * resonance(rng, damping), OMEGA, damping, 0.4) < 0.0
 
 
+@pytest.mark.long
 def test_noise_of_a_band_is_no_certain_resonance() -> None:
     """Once a resonance at 100 %, verdict "effects_found"."""
     rng, dt = np.random.default_rng(44), 0.05

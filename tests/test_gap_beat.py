@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
@@ -17,7 +18,7 @@ N, DT = 12_000, 0.01
 WHITE = make("white_noise", N=np.sqrt(2.0 / 3.0 * DT))
 
 
-@pytest.mark.parametrize(("ratio", "period_s"), [(0.97, 1 / 3), (0.997, 10 / 3), (1.0013, 7.5)])
+@pytest.mark.parametrize(("ratio", "period_s"), in_part([(0.97, 1 / 3), (0.997, 10 / 3), (1.0013, 7.5)]))
 def test_noise_of_an_interpolated_log_is_no_intermittent_noise(ratio: float, period_s: float) -> None:
     """`numpy.interp` to a rate that is 3, 0.3 or 0.13 % off: where two samples share a row it has half the power."""
     x = np.random.default_rng(7).standard_normal(14_000)
@@ -31,6 +32,7 @@ def test_noise_of_an_interpolated_log_is_no_intermittent_noise(ratio: float, per
     assert "interpolated" in rest
 
 
+@pytest.mark.long
 def test_bursts_by_chance_have_no_period() -> None:
     """One false alarm in 10,000 records: none is expected in 300, of bursts of all kinds."""
     rng = np.random.default_rng(3)

@@ -75,6 +75,7 @@ def recorded(
     return Log(t, channels, source="turned by hand")
 
 
+@pytest.mark.long
 def test_each_sensor_has_an_answer_of_its_own() -> None:
     """A gyro with a scale factor beside a magnetometer with iron: two comparisons, each with its own effect."""
     found = find_gap(recorded(3000, 50.0, 1, iron=2e-6, scale=0.01), noise(50.0, "gyro", "mag"))

@@ -39,6 +39,7 @@ def gap_of(y: NDArray[np.float64], dt: float) -> ChannelGap:
     return channel_gap("gyro_x", Record(np.arange(y.size) * dt, y), assumed)
 
 
+@pytest.mark.long
 def test_ticks_are_a_wave_that_is_up_for_one_sample() -> None:
     """Every 46th sample is off by 2.2 standard deviations of the noise: 22 lines of 21 nats each."""
     rng, n, dt = np.random.default_rng(3), 9000, 1.0 / 30.0
@@ -50,6 +51,7 @@ def test_ticks_are_a_wave_that_is_up_for_one_sample() -> None:
     assert wave.size == pytest.approx(2.2, abs=4.5 / np.sqrt(n / 46))  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 def test_harmonics_of_no_trapezoid_are_called_unknown_with_their_period() -> None:
     """Four of them of one size and any phase, each of 200 nats."""
     rng, n, dt = np.random.default_rng(3), 9000, 1.0 / 30.0

@@ -60,6 +60,7 @@ def test_a_shape_counts_by_its_energy() -> None:
     assert (itself.cos2, itself.nats) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-9))
 
 
+@pytest.mark.long
 def test_what_would_tell_is_said() -> None:
     """A weak slow bias: names that are not ruled out stand with their cosine and a longer record."""
     rng, n, tau = np.random.default_rng(7), 8000, 60.0

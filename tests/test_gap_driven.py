@@ -43,6 +43,7 @@ def gap_beside(channel: str | list[str], unit: str, coefficient: float, seed: in
     return channel_gap("gyro_x", record, assumed, stamps)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("channel", in_part(CHANNELS))
 def test_a_bias_that_follows_a_driver_is_named(channel: str) -> None:
     """The gain is 0.5 sum (c x / sd)^2 = 100 nats; the interval is held to 2.5 of its half-widths."""
@@ -56,6 +57,7 @@ def test_a_bias_that_follows_a_driver_is_named(channel: str) -> None:
     assert 0.5 * (hi - lo) == pytest.approx(1.96 * c / np.sqrt(200.0), rel=0.1)
 
 
+@pytest.mark.long
 def test_a_channel_of_no_known_effect_is_pointed_at() -> None:
     """Regression on it is among the tests that fail before anything is added: z = sqrt(2 * 100) = 14."""
     c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD

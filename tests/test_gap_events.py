@@ -109,7 +109,7 @@ def test_an_event_is_named_with_its_numbers(name: str) -> None:
         assert half < (0.4 if name != "intermittent_noise" else 1.2) * value  # of a dozen bursts
 
 
-@pytest.mark.parametrize("name", ALTERING)
+@pytest.mark.parametrize("name", in_part(ALTERING))
 def test_what_is_assumed_of_an_event_is_no_gap(name: str) -> None:
     effect = make(name, **EVENTS[name][1])
     gap = gap_of(record_of(name), effect)

@@ -86,6 +86,7 @@ def test_noise_of_which_a_later_one_left_nothing_is_not_kept() -> None:
     assert [c.name for c in found.without_vanished().chosen] == ["resonance"]
 
 
+@pytest.mark.long
 def test_a_resonance_of_no_size_is_the_assumed_model() -> None:
     """The check compares the two in the same bins, of which a resonance has more."""
     record = Record(np.arange(4000.0), ringing(4, 4000))

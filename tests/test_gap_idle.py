@@ -69,6 +69,7 @@ def test_a_motion_that_a_constant_input_cannot_cause(asked: Any) -> None:
     assert SAID in words
 
 
+@pytest.mark.long
 def test_a_constant_input_is_no_fault_by_itself(asked: Any) -> None:
     """Running up under a constant voltage is what the model says; what slows it is found."""
     answer, words = asked(np.ones(800), np.ones(800), 0.0, -40.0)

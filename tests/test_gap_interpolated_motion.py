@@ -52,6 +52,7 @@ def test_interpolated_rows_are_no_scale_factor(tmp_path: Path, rows: int) -> Non
     assert any("draws straight lines from value to value" in w for w in found.warnings)
 
 
+@pytest.mark.long
 def test_a_scale_factor_behind_them_is_found(tmp_path: Path) -> None:
     found = kf.find_gap(turned(5, 3, scale=2e-3), assumed(tmp_path, 3))
     assert {f.name for f in found.findings} == {"scale_factor"}

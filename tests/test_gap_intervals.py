@@ -69,6 +69,7 @@ def test_a_size_is_as_uncertain_as_the_time_constant_beside_it_lets_it_be() -> N
     assert 1.3 < np.median(ratios) < 1.6
 
 
+@pytest.mark.long
 def test_a_hysteresis_has_an_interval_of_its_width() -> None:
     """Of 30 intervals at 95 % fewer than 23 hold the truth once in ten thousand times."""
     swing = 293.0 + 4.0 * np.sin(2.0 * np.pi * T / 150.0 + 0.5)

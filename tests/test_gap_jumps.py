@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import norm
@@ -82,13 +83,16 @@ def test_chains_have_the_variance_and_the_memory_of_the_bias(law: str) -> None:
     assert memory == pytest.approx(np.exp(-1.0 / 12.0), rel=0.02)
 
 
+@pytest.mark.long
 def test_a_gauss_markov_bias_is_one() -> None:
     for seed in range(3):
         rng = np.random.default_rng([29, seed])
         assert odds_of(rng.standard_normal(N) + BIAS.simulate(T, rng))[1] < 0.0
 
 
-@pytest.mark.parametrize(("words", "sign"), [(FADING_KICKS, 1.0), (FADING_KICKS, -1.0), (ANY_LEVEL, 1.0)])
+@pytest.mark.parametrize(
+    ("words", "sign"), in_part([(FADING_KICKS, 1.0), (FADING_KICKS, -1.0), (ANY_LEVEL, 1.0)])
+)
 def test_a_bias_that_jumps_is_none(words: str, sign: float) -> None:
     for seed in range(2):
         rng = np.random.default_rng([31, seed])
@@ -105,6 +109,7 @@ def test_beside_other_slow_noise_nothing_is_said() -> None:
     assert jumps_log_odds(series, BIAS) == ("", -np.inf)
 
 
+@pytest.mark.long
 def test_doors_that_open_are_no_certain_gauss_markov_bias() -> None:
     """The name stands in for something else, and the sentence says for what."""
     rng = np.random.default_rng(35)

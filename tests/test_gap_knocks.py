@@ -66,6 +66,7 @@ def test_likelihood_of_knocks_is_the_sum_over_all_histories() -> None:
     assert np.exp(found) == pytest.approx([total], rel=1e-9)
 
 
+@pytest.mark.long
 def test_knocks_are_no_resonance() -> None:
     """Three records of twenty knocks in 200 cycles, of the spectrum of a resonance of 30 nats or so.
 

@@ -44,6 +44,7 @@ def gap_of(part: Array, seed: int, **drive: Array) -> ChannelGap:
     return channel_gap("gyro_x", Record(T, y, drive), assumed)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("channel", "name", "course"),
     in_part([("temperature", "thermal_lag", 300.0 + CYCLE), ("load", "lagged:load", LOAD)]),
@@ -61,6 +62,7 @@ def test_a_lag_behind_a_driver_is_named_with_its_time(channel: str, name: str, c
     assert read[-1].lag == pytest.approx(gap.updated.effects[-1].lag, rel=1e-6)  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("channel", in_part(["temperature", "load"]))
 def test_without_a_lag_none_is_named(channel: str) -> None:
     course = 300.0 + CYCLE if channel == "temperature" else LOAD
@@ -70,6 +72,7 @@ def test_without_a_lag_none_is_named(channel: str) -> None:
     ]
 
 
+@pytest.mark.long
 def test_a_bias_that_bends_with_the_temperature() -> None:
     gap = gap_of(worth((CYCLE - CYCLE.mean()) ** 2, 100.0), 3, temperature=300.0 + CYCLE)
     assert [f.effect.name for f in gap.findings] == ["temperature_squared"]

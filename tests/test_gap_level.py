@@ -45,6 +45,7 @@ def gap_of(record: Record, *more: object) -> ChannelGap:
     return channel_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in effects)))  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", in_part(SLOPES))
 def test_noise_that_follows_a_channel_is_named(name: str) -> None:
     s, slope = SLOPES[name]

@@ -47,6 +47,7 @@ def test_likelihood_of_three_levels_is_the_sum_over_all_histories() -> None:
     assert switching.log_likelihood(at) == pytest.approx([np.log(wanted)], rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", in_part([0.6, 1.0]))
 def test_two_levels_and_many(size: float) -> None:
     for seed in range(2):
@@ -62,6 +63,7 @@ def test_two_levels_and_many(size: float) -> None:
         assert odds[1] > LOG_ODDS_OF_ITS_OWN_LAW
 
 
+@pytest.mark.long
 def test_a_bias_of_many_levels_is_no_certain_telegraph() -> None:
     """Where one is found for it: the sentence says what speaks against it."""
     rng = np.random.default_rng(23)
@@ -71,6 +73,7 @@ def test_a_bias_of_many_levels_is_no_certain_telegraph() -> None:
     assert [(f.effect.name, f.objection) for f in gap.findings] == [("random_telegraph", MANY_LEVELS)]
 
 
+@pytest.mark.long
 def test_slow_noise_beside_two_levels_is_weighed_with_them() -> None:
     """A telegraph and a Gauss-Markov bias that are true are likelier together than many levels are."""
     rng, t = np.random.default_rng(3), DT * np.arange(N)

@@ -114,6 +114,7 @@ def test_a_long_log_of_the_very_model_has_no_gap() -> None:
     assert whole["rate_random_walk"] < first["rate_random_walk"] / 10.0
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("short_memory")
 def test_a_drift_whose_beginning_looks_like_a_ramp_is_named_by_all_of_the_log() -> None:
     """Alone, the beginning is called a ramp; beside the drift that all of the log shows it has nothing."""

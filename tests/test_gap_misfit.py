@@ -100,6 +100,7 @@ def test_a_name_by_misfit_is_not_kept() -> None:
     assert named <= 1
 
 
+@pytest.mark.long
 def test_intervals_under_misfit_hold() -> None:
     """The size of an effect in noise ten times too loud: 95 % intervals hold in at least 34 of 40 (by chance fewer: one in 70)."""
     held = 0

@@ -50,6 +50,7 @@ def bound(amplitude: float) -> dict[str, float]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frequency", in_part([0.7321, 0.0321, 4.2]))
 def test_a_line_is_named_with_its_numbers(frequency: float) -> None:
     gap = gap_of(noise(1) + line(0.2, frequency, 1.0))
@@ -77,6 +78,7 @@ def test_two_lines_are_two() -> None:
     assert not any(t.significant for t in gap.after)
 
 
+@pytest.mark.long
 def test_an_assumed_line_is_no_gap() -> None:
     """A third of its amplitude beside it is one: what is left of it is named."""
     y = noise(3) + line(0.2, 0.7321, 1.0)

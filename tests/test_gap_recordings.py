@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 import kfgen as kf
 
@@ -67,6 +68,7 @@ def test_poses_give_the_published_table(said: Callable[..., str]) -> None:
         assert got - 100.0 * (9.81 / 9.80665 - 1.0) == pytest.approx(scale, abs=0.03)
 
 
+@pytest.mark.long
 def test_turns_give_the_scale(said: Callable[..., str]) -> None:
     """Integrals of 370.0 and 353.7 deg over whole turns."""
     text = said("turns", "turns", "effects/imu_ferraris_session.npz")
@@ -134,11 +136,13 @@ def test_flights_that_nothing_places_get_no_certain_name(
 
 @pytest.mark.parametrize(
     ("case", "file", "inside"),
-    [
-        ("tapping", "25_disturbed_tapping_B", (50.0, 100.0)),
-        ("phone", "27_disturbed_phone_vibration_B", (70.0, 160.0)),
-        pytest.param("quiet", "01_undisturbed_slow_rotation_A", None, marks=pytest.mark.long),
-    ],
+    in_part(
+        [
+            ("tapping", "25_disturbed_tapping_B", (50.0, 100.0)),
+            ("phone", "27_disturbed_phone_vibration_B", (70.0, 160.0)),
+            pytest.param("quiet", "01_undisturbed_slow_rotation_A", None, marks=pytest.mark.long),
+        ]
+    ),
 )
 def test_vibration_has_its_time(
     said: Callable[..., str], case: str, file: str, inside: tuple[float, float] | None

@@ -141,6 +141,7 @@ def test_clipped_samples_are_named_and_left_out() -> None:
     assert gap.verdict == "effects_found"
 
 
+@pytest.mark.long
 def test_beside_a_clipping_another_effect_is_found() -> None:
     y = rate(T) * [1.0, 1.02, 1.0] + SIGMA * np.random.default_rng(10).standard_normal((T.size, 3))
     y[:, 1] = np.clip(y[:, 1], -1.0, 1.0)

@@ -63,6 +63,7 @@ def names(found: SceneGap) -> Sequence[str]:
     return [f.effect.name for f in found.findings]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensor", in_part(SENSORS))
 def test_two_digits_are_too_few(sensor: str) -> None:
     """A step of 0.01 turns by 0.33 deg: 1.1 standard deviations of the accelerometer, 0.7 of the magnetometer."""
@@ -72,18 +73,21 @@ def test_two_digits_are_too_few(sensor: str) -> None:
     assert found.findings[0].effect.step == pytest.approx(0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("sensor", "digits"), in_part([("gyro", 4), ("accel", 3), ("mag", 3)]))
 def test_digits_that_are_enough(sensor: str, digits: int) -> None:
     """A step of 0.001: 0.11 standard deviations of the accelerometer; of 1e-4: 0.2 of the gyro's at 1 Hz."""
     assert gap_of(sensor, log_of(sensor, digits)).verdict == "no_gap"
 
 
+@pytest.mark.long
 def test_a_slow_turn_does_not_stick() -> None:
     """At 0.15 rad/s a component of three digits moves by its step in a sample, and less as the rate passes zero: that is its rounding, and no stuck one."""
     log = log_of("gyro", 3, 0.3)
     assert [p.effect.name for p in heard(log).said] == []
 
 
+@pytest.mark.long
 def test_the_step_of_an_attitude() -> None:
     assert step_of(log_of("mag", 2)) == pytest.approx(0.01)
     assert step_of(log_of("mag", None)) == 0.0

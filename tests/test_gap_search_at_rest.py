@@ -41,6 +41,7 @@ def having(start: ChannelExplanation, *names: str) -> ChannelExplanation:
     return start
 
 
+@pytest.mark.long
 def test_evidence_of_a_list_does_not_depend_on_its_order() -> None:
     """Of each when it was added it does: the first of two drifts explains most of both. The tolerance is of the fits."""
     start = explanation(step=0.5, warm_up=1.0)
@@ -94,6 +95,7 @@ def test_what_is_no_shape_waits_unless_it_stood_beside_what_is_random() -> None:
     assert again.with_absorbers().waiting == frozenset()
 
 
+@pytest.mark.long
 def test_where_time_ended_what_others_explain_is_removed_and_the_rest_stays() -> None:
     """A random walk found first is nothing beside the step and the spectral line that were found later."""
     found = having(explanation(step=0.5, line=0.3), "rate_random_walk", "sinusoid", "bias_step")

@@ -38,6 +38,7 @@ effects = [ { effect = "white_noise", N = "0.04 rad/s/sqrt(Hz)" } ]
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("before", in_part([0, 40, 77]))
 def test_a_slow_sensor(before: int, kfgen: Cli, tmp_path: Path) -> None:
     """It moves at the first sample, from rest; or has moved for a while, the input switched every 80 samples."""

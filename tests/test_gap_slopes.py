@@ -34,6 +34,7 @@ def gap_of(record: Record) -> Gap:
     return channel_gap("gyro_z", record, ChannelNoise("rad/s", (Term(make("white_noise", N=0.1)),)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("slope", "size"), in_part([(0.5, 0.1), (1.5, 0.05)]))
 def test_noise_of_a_slope_is_named_with_it(slope: float, size: float) -> None:
     """Of several hundred nats. Noise of half a slope was once a Gauss-Markov bias, at 100 %."""
@@ -45,6 +46,7 @@ def test_noise_of_a_slope_is_named_with_it(slope: float, size: float) -> None:
     assert hi - lo < 0.5
 
 
+@pytest.mark.long
 def test_flicker_keeps_its_name() -> None:
     """Up to half the sampling rate it is flicker: a bank that began ten samples slower had lost to a slope of 0.85."""
     (found,) = gap_of(sloped(2, 1.0, size=0.06)).findings

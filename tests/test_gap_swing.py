@@ -105,6 +105,7 @@ def switched(rng: np.random.Generator, n: int, omega: float, stay: float) -> Arr
     return np.asarray(x / x.std())
 
 
+@pytest.mark.long
 def test_by_what_law_something_swings() -> None:
     """Three of each, of a hundred cycles of 0.9 nats; lines are of one nat in each stretch of 40 samples.
 
@@ -128,6 +129,7 @@ def test_by_what_law_something_swings() -> None:
     assert found["resonance"] == [""] * 3
 
 
+@pytest.mark.long
 def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:
     """Once a resonance at 100 %, verdict "effects_found"."""
     rng, dt = np.random.default_rng(3), 0.5
@@ -149,6 +151,7 @@ def test_a_name_is_as_probable_as_its_law() -> None:
     assert (even.objection, doubtful.objection, other.objection) == ("", "", LIMIT_CYCLE)
 
 
+@pytest.mark.long
 def test_a_doubtful_law_makes_a_name_less_probable(monkeypatch: pytest.MonkeyPatch) -> None:
     """A resonance that is hardly likelier than a limit cycle was once one at 100 %."""
     rng, n, dt = np.random.default_rng(22), 1024, 0.1
@@ -169,6 +172,7 @@ def test_a_resonance_of_any_width_is_answered(damping: float) -> None:
     assert np.isfinite(odds)
 
 
+@pytest.mark.long
 def test_a_line_that_stays_and_one_that_comes_and_goes() -> None:
     """Of 40 lines of 100 nats and other seeds that stay none has odds above 2 nats, of 40 that come and go 39 have."""
     n, omega = 8192, 0.7

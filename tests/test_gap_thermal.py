@@ -64,6 +64,7 @@ CASES: dict[str, tuple[Array, float]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", in_part(CASES))
 def test_an_effect_of_the_temperature_is_named_with_its_coefficient(name: str) -> None:
     """Its proof is the third of the record where it is warmest, which the coefficient did not see."""
@@ -109,6 +110,7 @@ def log_of(y: Array, temperature: Array) -> Log:
     return Log(T, {"gyro_x": Channel.of(y, "rad/s"), "temperature": Channel.of(temperature, "K")})
 
 
+@pytest.mark.long
 def test_a_noisy_thermometer_names_the_same_effect() -> None:
     """With a tenth of a kelvin of its own, and samples that are missing."""
     K = HEAT + 0.1 * noise(4)
@@ -125,7 +127,7 @@ def test_a_noisy_thermometer_names_the_same_effect() -> None:
 
 @pytest.mark.parametrize(
     ("temperature", "words"),
-    [(np.full(N, 300.0), "never changes"), (np.full(N, np.nan), "holds no number")],
+    in_part([(np.full(N, 300.0), "never changes"), (np.full(N, np.nan), "holds no number")]),
     ids=["constant", "nan"],
 )
 def test_a_thermometer_without_numbers_is_said_and_not_blamed(temperature: Array, words: str) -> None:

@@ -86,6 +86,7 @@ def test_a_ramp_comes_again_with_one_slope() -> None:
     assert sd > 1.1 * np.sqrt(12.0 / (COUNT * N)) / (N * DT)
 
 
+@pytest.mark.long
 def test_a_step_in_one_is_said_of_that_one() -> None:
     """And is no part of the model."""
     found = together("step", 3)
@@ -108,6 +109,7 @@ def files(folder: Path, unit: str = "rad/s") -> tuple[list[Path], Path]:
     return paths, noise
 
 
+@pytest.mark.long
 def test_the_command_says_what_happened_once(kfgen: Callable[..., Result], tmp_path: Path) -> None:
     paths, noise = files(tmp_path)
     result = kfgen(

@@ -48,6 +48,7 @@ def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
     assert g.gap.closed > 0.95
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [1.2, pytest.param(0.8, marks=pytest.mark.long)])
 def test_a_number_that_does_not_hold_is_said_old_and_new(factor: float) -> None:
     """Alone, and beside a step of ten times the standard deviation of its mean."""
@@ -74,6 +75,7 @@ def test_an_assumed_time_longer_than_half_the_record_stays() -> None:
     assert 1000.0 < updated.tau < 4000.0  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 def test_noise_that_is_louder_where_it_is_warm_fails_the_test_of_its_level() -> None:
     """A fifth up and down with the temperature: of 24 000 samples the test's deviate is 0.4 / 2 sqrt(24 000) = 31."""
     g = answer(noise(25) * (1.0 + 0.2 * (HEAT - 300.0) / 5.0), make("white_noise", N=N))
@@ -112,6 +114,7 @@ def test_what_a_check_does_not_bear_out_is_not_certain(checks: Checks, probabili
     assert [f.probability for f in checks.tempered([found])] == [probability]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("assumed", [0.0, *(pytest.param(a, marks=pytest.mark.long) for a in (2e-3, -2e-3))])
 def test_a_coefficient_that_is_wrong_is_corrected(assumed: float) -> None:
     y = noise(2) + 2e-4 * (HEAT - 300.0)
@@ -154,7 +157,7 @@ def flicker(seed: int, B: float) -> np.ndarray:
     return np.asarray(np.fft.irfft(z[0] + 1j * z[1], m)[: T.size])
 
 
-@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize("seed", in_part([5, 6]))
 def test_a_flicker_of_which_only_B_is_stated_reaches_to_the_samples(seed: int) -> None:
     g = answer(
         noise(seed) + flicker(seed + 100, 2 * N), make("white_noise", N=N), make("bias_instability", B=2 * N)

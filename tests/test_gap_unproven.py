@@ -99,6 +99,7 @@ def motor(seed: int, change: float, friction: float = 0.0) -> GapResult:
     return find_gap(Log(dt * np.arange(n), channels), parse_model(MOTOR, "motor.toml"))
 
 
+@pytest.mark.long
 def test_what_makes_it_worse_is_not_added() -> None:
     """A gain that changes is no effect of the catalogue: four were added once, and the held-out gap grew by 75 %."""
     found = motor(1, 0.05)

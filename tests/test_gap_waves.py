@@ -44,6 +44,7 @@ def the_wave(gap: ChannelGap) -> PeriodicWave:
     return found.effect
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("duty", [0.35, *(pytest.param(d, marks=pytest.mark.long) for d in (0.2, 0.5))])
 def test_a_heater_that_switches_without_a_driver_is_named(duty: float) -> None:
     """Before: a sinusoid, certain. A level up for a share d of the time has the variance d (1 - d) of its step."""
@@ -67,6 +68,7 @@ def test_a_strong_switch_leaves_nothing() -> None:
     assert gap.verdict == "effects_found"
 
 
+@pytest.mark.long
 def test_the_ripple_of_a_supply_is_a_triangle() -> None:
     """Before: a sinusoid, certain. Of a triangle the flanks are half a period, and the level is up for half of it."""
     wave = the_wave(gap_of(noise(3) + sawtooth(2 * np.pi * 1.2 * T + 1.0, 0.5)))
@@ -91,6 +93,7 @@ def test_its_harmonics_are_those_of_its_samples() -> None:
     assert c[0] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [12, *(pytest.param(k, marks=pytest.mark.long) for k in (11, 13))])
 def test_a_weak_switch_is_not_a_line_for_certain(seed: int) -> None:
     """Its line is worth 37 nats and its harmonics 7, about what their numbers cost: the wave stays in the printed set.

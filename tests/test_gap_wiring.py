@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.signal import cont2discrete
 
 from kfgen.gap.plant.wiring import plant_scene
@@ -85,8 +86,8 @@ SPOILT: dict[str, tuple[Callable[[np.ndarray, np.ndarray], Columns], set[tuple[s
 }
 
 
-@pytest.mark.parametrize("case", SPOILT)
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("case", in_part(SPOILT))
+@pytest.mark.parametrize("seed", in_part([1, 2]))
 def test_a_wrong_column_is_said_and_nothing_else(case: str, seed: int) -> None:
     spoil, said = SPOILT[case]
     scene = plant_scene(parse_model(SERVO, "servo.toml"), log_of(*spoil(*columns(seed))))
@@ -134,6 +135,7 @@ def test_a_stuck_span_is_where_it_is_and_is_no_effect() -> None:
     assert gap.verdict == "effects_found"  # the tests of what is left find nothing more
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("samples", [30, pytest.param(200, marks=pytest.mark.long)])
 def test_a_long_delay_is_looked_for_where_the_channels_are_late(samples: int) -> None:
     u, y = columns(5)

@@ -74,6 +74,7 @@ def asked(kfgen: Cli, tmp_path: Path) -> Asked:
     return ask
 
 
+@pytest.mark.long
 def test_an_assumed_number_that_is_wrong(asked: Asked, tmp_path: Path) -> None:
     """Four standard deviations and a half away: the gap is that of the file as it is written."""
     answer = asked(154.5)

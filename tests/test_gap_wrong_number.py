@@ -69,6 +69,7 @@ def test_a_wrong_number_of_a_bias_is_no_second_bias(sigma: float, tau: float) ->
     assert updated.tau == pytest.approx(tau, rel=8.0 * np.sqrt(tau / 3600.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [13, *(pytest.param(k, marks=pytest.mark.long) for k in (11, 12))])
 def test_a_bias_half_as_large_again_as_a_file_says_is_a_wrong_number(seed: int) -> None:
     """Without intervals in the file: once bias instability of 37 % (seed 11), for a wrong number was one name of twenty.
@@ -85,6 +86,7 @@ def test_a_bias_half_as_large_again_as_a_file_says_is_a_wrong_number(seed: int) 
     assert (found.verdict, found.findings, found.to_dict()["retuned"]) == ("effects_found", (), ["gyro_x"])
 
 
+@pytest.mark.long
 def test_numbers_that_a_log_does_not_rule_out_are_called_so() -> None:
     """In words; programs read `retune`."""
     (change,) = answer(1.0, 4, louder=1.5).findings

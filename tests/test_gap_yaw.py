@@ -50,7 +50,7 @@ def answer(added: Array, seed: int) -> SceneGap:
 
 
 @pytest.mark.parametrize(("start", "stop"), in_part([(16.0, 24.0), (28.0, 40.0), (0.0, 11.0)]))
-@pytest.mark.parametrize("in_body", [True, False])
+@pytest.mark.parametrize("in_body", in_part([True, False]))
 def test_a_field_that_comes_and_goes_is_found_in_a_turn_about_the_vertical(
     start: float, stop: float, in_body: bool
 ) -> None:
@@ -69,7 +69,7 @@ def test_a_field_that_comes_and_goes_is_found_in_a_turn_about_the_vertical(
     assert got == pytest.approx(h, abs=4.0 * SD * np.sqrt(1.0 / k + 1.0 / (N - k)))
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13, 14])
+@pytest.mark.parametrize("seed", in_part([11, 12, 13, 14]))
 def test_nothing_is_found_in_a_turn_about_the_vertical_where_nothing_is(seed: int) -> None:
     """False-alarm rate: that of the battery, 1e-3, of each of four seeds."""
     assert answer(np.zeros((N, 3)), seed).verdict == "no_gap"

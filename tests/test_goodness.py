@@ -42,6 +42,7 @@ def test_an_interval_that_is_stretched_keeps_its_estimate_and_open_ends() -> Non
     assert stretched((1.0, 4.0), 2.0, 1e5) == (0.0, np.inf)  # of noise that is motion
 
 
+@pytest.mark.long
 def test_noise_of_the_model_is_not_widened() -> None:
     widened = 0
     for seed in range(100):

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from click.testing import Result
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import norm
@@ -168,6 +169,7 @@ def noises(seed: int, n: int, dt: float, N: float, sigma: float, tau: float, K: 
     return np.asarray(y + np.cumsum(K * np.sqrt(dt) * rng.standard_normal(n)))
 
 
+@pytest.mark.long
 def test_no_round_lowers_the_likelihood() -> None:
     y = noises(4, 5000, 0.1, 0.1, 0.5, 5.0, 0.02)
     found = em.run_em(y - y.mean(), 0.1, Parameters(0.2, 1.0, 0.1, 0.05), rounds=60)
@@ -188,6 +190,7 @@ def test_em_finds_a_strong_process() -> None:
     assert np.log(found.fit.effects[0].N / N) == pytest.approx(0.0, abs=5 * found.bounds[0, "N"] + 0.02)
 
 
+@pytest.mark.long
 def test_what_is_nothing_is_left_out() -> None:
     """White noise alone: no parameter stands with an interval of no width, and N is right (5 bounds, 6e-7)."""
     y = 0.1 * np.random.default_rng(0).standard_normal(20_000)
@@ -239,6 +242,7 @@ def test_the_filter_ends_where_it_starts() -> None:
 # The equivalent ARMA model and the asymptotes.
 
 
+@pytest.mark.long
 def test_section_2_3_with_B_as_a_deviation() -> None:
     """N and B without K at 10 Hz, 1e5 samples: errors within 5 standard deviations (6e-7) of bounds .002 and .084."""
     y = noises(0, 100_000, 0.1, 5.75e-2, 1.55e-2, 100.0, 0.0)
@@ -248,6 +252,7 @@ def test_section_2_3_with_B_as_a_deviation() -> None:
     assert np.log(size["gauss_markov"].sigma / 1.55e-2) == pytest.approx(0.0, abs=5 * 0.084)
 
 
+@pytest.mark.long
 def test_section_2_2_shows_no_process() -> None:
     """The autoregression is no exp(-T/tau), as in the paper (-0.9783); N is within 5 bounds, 0.0022."""
     y = noises(0, 100_000, 0.01, 5.75e-2, 1.55e-2 * np.sqrt(0.005), 100.0, 9e-4)
@@ -299,7 +304,7 @@ def write(path: Path, y: Array) -> Path:
     return path
 
 
-@pytest.mark.parametrize("method", ["arma", "ekf", "em", "asymptotes"])
+@pytest.mark.parametrize("method", in_part(["arma", "ekf", "em", "asymptotes"]))
 def test_methods_by_name(kfgen: Call, tmp_path: Path, method: str) -> None:
     log = write(tmp_path / "log.csv", noises(2, 20_000, 0.1, 0.1, 0.5, 5.0, 0.01))
     out = tmp_path / "id.json"

@@ -236,6 +236,7 @@ def shares(folder: Path, seconds: float, seed: int, stamped: bool = True) -> Any
     return (error / np.sqrt(variance))[50:]
 
 
+@pytest.mark.long
 def test_the_present_state_is_near_the_truth(tmp_path: Path) -> None:
     """One flight of 20 s, the root mean square of six errors of a few independent values each."""
     assert 0.3 < np.sqrt(np.mean(shares(tmp_path, 20.0, 3) ** 2)) < 1.5

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.fft import dst
 from scipy.signal import lfilter
@@ -201,6 +202,7 @@ def test_intervals_of_white_noise_cover() -> None:
     assert 0.8 < values.std() / bound < 1.2
 
 
+@pytest.mark.long
 def test_intervals_of_white_and_gauss_markov_cover() -> None:
     truth = {(0, "N"): 1.0, (1, "sigma"): 1.5, (1, "tau"): 8.0}
     names, counts, n, dt = ["white_noise", "gauss_markov"], np.zeros(3, int), 6000, 0.1
@@ -257,7 +259,7 @@ def test_a_walk_alone_is_not_called_gauss_markov() -> None:
     assert all("white_noise" in shown(f) for f in found)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", in_part(range(3)))
 def test_at_hemerlys_point_gauss_markov_is_not_identifiable(seed: int) -> None:
     """By physics: the bound on ln B is 183. The limit must hold the true sigma, and no B = 1.2e-2 be printed."""
     n, dt = 100_000, 0.01
@@ -357,6 +359,7 @@ def _entry(entries: Sequence[dict[str, object]], name: str) -> dict[str, object]
     return entry
 
 
+@pytest.mark.long
 def test_real_mpu6050(recording: Callable[[str], Path], kfgen: Callable[..., Result], tmp_path: Path) -> None:
     """450 s at rest: N within 5 % of the Allan reading, and neither K nor a Gauss-Markov process claimed."""
     log, out = recording("native/mpu6050_static.csv"), tmp_path / "id.json"

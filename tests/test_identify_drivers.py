@@ -110,6 +110,7 @@ def test_a_thermometer_that_is_noisy_still_wins_over_a_warm_up_curve() -> None:
     ]
 
 
+@pytest.mark.long
 def test_a_small_bend_is_looked_for_beside_the_slope() -> None:
     """Beside nothing a walk takes the whole sweep, and hides the bend; its interval is held to twice its width (9e-5)."""
     away = 20.0 * np.sin(2 * np.pi * T / 3600.0 - 1.5)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from typer.testing import Result
 
@@ -145,6 +146,7 @@ def test_samples_that_cannot_be_identified(y: Array, rate: float, match: str) ->
         identify_samples(y, rate=rate, unit="deg/s")
 
 
+@pytest.mark.long
 def test_logs_in_memory_are_fitted_together_and_pooled() -> None:
     logs = [log_of(gyro_x=(white(k), "deg/s")) for k in range(3)]
     both = identify(logs[:2])
@@ -169,7 +171,7 @@ def test_what_is_unknown_is_refused_with_what_is_known(gyro: Log) -> None:
 # Drivers and channels.
 
 
-@pytest.mark.parametrize("driver", EFFECT_OF_DRIVER)
+@pytest.mark.parametrize("driver", in_part(EFFECT_OF_DRIVER))
 def test_every_recorded_driver_is_seen(driver: str) -> None:
     """A coefficient of ten standard deviations or more, found by name and, where it is large, by itself."""
     n = 4000

@@ -99,6 +99,7 @@ def test_an_identification_gives_what_it_has(kfgen: Cli, log: Path, monkeypatch:
     assert "the search is unfinished" in done.stderr
 
 
+@pytest.mark.long
 def test_the_next_command_is_complete(kfgen: Cli, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
         pressing(patched, explanation, "candidates", {1})

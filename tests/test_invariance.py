@@ -133,6 +133,7 @@ def test_identify_of_a_file_in_single_precision(numbers: Numbers, tmp_path: Path
     assert found[0] == pytest.approx(numbers, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", in_part([1e-9, 1e9]))
 def test_the_gap_in_another_unit(gap: dict[str, Any], factor: float) -> None:
     """At 1e-9 a telegraph was named before: its middle was drawn within 1e-4 SI."""
@@ -172,6 +173,7 @@ def test_the_same_seed_gives_the_same_bytes(suffix: str, tmp_path: Path, kfgen: 
     assert made[0] != made[2]
 
 
+@pytest.mark.long
 def test_threads_change_no_byte_of_an_answer(tmp_path: Path) -> None:
     y = log()
     table = np.column_stack([y.t, y.values("gyro_x")])

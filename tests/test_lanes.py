@@ -55,6 +55,7 @@ def turned(values: dict[str, float]) -> Rotation:
     return Rotation.from_quat([values[n] for n in QUATERNION], scalar_first=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", in_part(["ud", "p"]))
 def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) -> None:
     machine = started(form)
@@ -77,7 +78,7 @@ def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) 
     assert jumps(machine) == settled
 
 
-@pytest.mark.parametrize("form", ["ud", "p"])
+@pytest.mark.parametrize("form", in_part(["ud", "p"]))
 def test_a_hand_over_is_whole_and_its_jump_is_said(form: str) -> None:
     mine, other = started(form), started(form)
     run(mine, 3.0, 0.0, 0.1)
@@ -97,7 +98,7 @@ def test_a_hand_over_is_whole_and_its_jump_is_said(form: str) -> None:
     assert mine.call("supervise") == "DEGRADED"
 
 
-@pytest.mark.parametrize("bad", ["state", "quaternion", "variance", "covariance"])
+@pytest.mark.parametrize("bad", in_part(["state", "quaternion", "variance", "covariance"]))
 def test_a_broken_lane_is_refused(bad: str) -> None:
     mine, other = started("p"), started("p")
     before = mine.words().tobytes()
@@ -127,7 +128,7 @@ def test_the_ratio_counts_rejected_samples_too_and_forgets() -> None:
     assert watched(machine)["LANE_RATIO_GNSS_VELOCITY"] < watched(machine)["LANE_RATIO"]
 
 
-@pytest.mark.parametrize("form", ["ud", "p"])
+@pytest.mark.parametrize("form", in_part(["ud", "p"]))
 def test_age_share_and_status(form: str) -> None:
     machine = started(form)
     run(machine, 4.0, 0.0)

@@ -234,6 +234,7 @@ def test_what_a_button_sends_is_checked(tmp_path: Path, given: dict[str, object]
 # What the buttons do.
 
 
+@pytest.mark.long
 def test_a_log_becomes_a_noise_file_and_c(page: Any, tmp_path: Path) -> None:
     key = page.post("/files/log.csv", content=log_text()).json()["key"]
     found = ended(page, page.post("/jobs", json={"action": "identify", "log": key}).json())

@@ -178,6 +178,7 @@ def test_the_deviation_of_a_scale_is_that_of_its_closed_form() -> None:
     assert sd == pytest.approx(N_GYRO / np.sqrt(DT) / np.sqrt(N * w.var()), rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_delay_and_a_bandwidth_are_distinguished_where_there_is_content() -> None:
     """Exact answers of sines to 12 Hz: a phase of -2 pi f d; a phase and a loss of 1 / (1 + i f / fc)."""
     rng = np.random.default_rng(3)
@@ -210,7 +211,7 @@ def test_g_sensitivity_feels_the_accelerometer() -> None:
     assert abs(theta - 1e-4) < LIMIT * sd
 
 
-@pytest.mark.parametrize("pair", ["zz", "xy"])
+@pytest.mark.parametrize("pair", in_part(["zz", "xy"]))
 def test_products_of_forces_are_no_forces(pair: str) -> None:
     """Tilts to all sides: of 100 m^2/s^4 times 1e-5 the standard deviation of a sample's noise makes 60 in the whole record."""
     w, f = waves(2, 1.0), waves(4, 5.0, 0.5) + np.array([0.0, 0.0, -G])
@@ -224,6 +225,7 @@ def test_products_of_forces_are_no_forces(pair: str) -> None:
     assert abs(1e-5 - 0.5 * (lo + hi)) < LIMIT / 1.96 * 0.5 * (hi - lo)
 
 
+@pytest.mark.long
 def test_a_scale_that_follows_the_temperature() -> None:
     w, heat = waves(2, 1.0), 300.0 + 10.0 * np.sin(2 * np.pi * T / 45.0)
     log = table_log(w, moved(w, 2, 1e-3 * (heat - heat.mean()) * w[:, 2]) + white(6, N_GYRO))
@@ -246,6 +248,7 @@ def test_a_lever_arm_in_fast_motion_has_the_whole_acceleration() -> None:
     np.testing.assert_allclose(alone[10:-10], (0.1 * turn * np.cos(turn * t))[10:-10], atol=1e-3 * 0.1 * turn)
 
 
+@pytest.mark.long
 def test_a_lever_arm_is_that_of_a_turning_point() -> None:
     """The acceleration of a point at r is the second derivative of R r, taken here by differences of R."""
     r = np.array([0.1, -0.05, 0.2])
@@ -464,6 +467,7 @@ def test_each_effect_adds_what_its_formula_says() -> None:
 # Recordings.
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "start", "stop", "vector"),
     [

@@ -69,6 +69,7 @@ def test_a_px4_log_to_the_noise_of_its_sensors(kfgen: Cli) -> None:
     assert "<svg" in Path("noise.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_bag_at_rest_to_imu_yaml(kfgen: Cli) -> None:
     pytest.importorskip("rosbags")
     yaml = pytest.importorskip("ruamel.yaml")
@@ -84,6 +85,7 @@ def test_a_bag_at_rest_to_imu_yaml(kfgen: Cli) -> None:
     assert found["update_rate"] == pytest.approx(RATE, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_folder_of_euroc_to_its_allan_plots(kfgen: Cli, tmp_path: Path) -> None:
     euroc(tmp_path / "calib-imu-static2")
     (answer,) = run(kfgen, typed("kfgen identify calib-imu-static2", 1))

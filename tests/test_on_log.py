@@ -73,6 +73,7 @@ PARTS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", PARTS)
 @pytest.mark.parametrize("form", [pytest.param("p", marks=pytest.mark.long), "ud"])
 @pytest.mark.parametrize("trial", TRIALS)
@@ -117,6 +118,7 @@ def short() -> tuple[Program, Log]:
     return program, simulate(program.discrete, "generic", 6.0, np.random.default_rng(3), rates=every)
 
 
+@pytest.mark.long
 def test_a_gap_is_gone_through_in_steps_that_the_filter_takes(
     short: tuple[Program, Log], tmp_path: Path
 ) -> None:

@@ -139,6 +139,7 @@ def test_a_walk_of_one_axis_is_the_setting_of_that_axis() -> None:
     assert settings["K_GYRO_X"].value == pytest.approx(1e-4)
 
 
+@pytest.mark.long
 def test_simulate_and_run_take_the_same_options(kfgen: Kfgen, tmp_path: Path) -> None:
     words = (
         "--set",

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 MODULE = """
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +47,7 @@ SUFFIXES = (".tide",)
 
 def read(path: Path):
     import numpy as np
+import pytest
     rows = np.loadtxt(path)
     return table_of(str(path), {"t": Named(rows[:, 0]), "baro_height [m]": Named(rows[:, 1])})
 
@@ -90,6 +93,7 @@ def asked(folder: Path, environment: dict[str, str], *words: str) -> subprocess.
     )
 
 
+@pytest.mark.long
 def test_what_a_package_brings_is_known(tmp_path: Path) -> None:
     (tmp_path / "x.tide").write_text("".join(f"{k * 0.1:.1f} {k}\n" for k in range(4)))
     done = asked(tmp_path, installed(tmp_path, MODULE), "-c", ASKED)

@@ -188,6 +188,7 @@ def process(*words: str, stdout: object = subprocess.PIPE) -> subprocess.Popen[s
     )
 
 
+@pytest.mark.long
 def test_standard_output_by_its_name_goes_where_it_goes() -> None:
     """A shell's ``> file`` is not replaced: page and text follow each other in it."""
     with Path("out").open("w") as out:

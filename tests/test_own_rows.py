@@ -136,6 +136,7 @@ def test_a_filter_takes_a_held_value_for_one_measurement() -> None:
     assert ["holds each value over 4 rows" in w for w in one.cautions] == [True]
 
 
+@pytest.mark.long
 def test_a_flight_whose_receiver_is_held_is_compared_at_its_rate() -> None:
     """Five fixes a second in a log of 50 Hz: before, both channels were said to be stuck for all of the flight."""
     flown = kf.simulate("ins15", duration=30.0, rate=50.0, rates={"gnss": 5.0}, manoeuvre="figure-8", seed=3)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from typer.testing import Result
 
 from kfgen.report.page import Page, code, figure, heading, page_html, sentence, table, write_page
@@ -98,7 +99,7 @@ class Tags(HTMLParser):
             self.wrong.append(tag)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", in_part(NAMES))
 def test_a_page_is_whole_and_says_what_it_shows(pages: dict[str, Path], name: str) -> None:
     text = pages[name].read_text(encoding="utf-8")
     tags = Tags(text)

@@ -30,6 +30,7 @@ def test_bounds_at_the_point_of_section_2_2() -> None:
         assert value == pytest.approx(wanted[name], rel=0.3)
 
 
+@pytest.mark.long
 def test_table_1_by_the_asymptotic_deviation() -> None:
     """sd(e0) / e0 = 1 / sqrt(2 n); median of absolute errors .674 of that, within a factor of two over 15 seeds."""
     rows = {r.what: float(r.here) for r in table_1(15)}
@@ -40,6 +41,7 @@ def test_table_1_by_the_asymptotic_deviation() -> None:
     assert rows["e1 by eq. (6)"] == pytest.approx(-98.1, abs=0.05)
 
 
+@pytest.mark.long
 def test_condition_numbers_and_pictures() -> None:
     assert float(rows_of_figure_1()[0].here) == pytest.approx(9.0, abs=0.01)
     html = page_html(page_of("paper", [("4", section_4())], [figure_1(), figure_2()]))

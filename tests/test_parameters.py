@@ -86,6 +86,7 @@ def test_parameters_in_flight_belong_to_each_filter(tmp_path: Path) -> None:
     assert not np.allclose(usual, own, rtol=1e-4)
 
 
+@pytest.mark.long
 def test_parameters_that_are_compiled_in(tmp_path: Path) -> None:
     for found in flown(tmp_path):
         assert (found == wanted()).all()

@@ -169,6 +169,7 @@ def said(found: BetweenPlan, name: str) -> ManoeuvreNats:
     return next(m for m in found.manoeuvres if m.name == name)
 
 
+@pytest.mark.long
 def test_a_delay_and_a_lever_arm_take_a_stop_and_go_and_a_turn() -> None:
     """Within 60 m no single manoeuvre of the library shows both; a steady turn hides both behind the accelerometer's bias."""
     found = kf.plan_between("time_delay@gnss,lever_arm@gnss", model(), RATE_HZ, room=60.0)
@@ -197,6 +198,7 @@ def test_hard_and_soft_iron_take_a_bank() -> None:
     assert min(nats("six-position", hard, soft), nats("six-position", soft, hard)) > WANTED_NATS
 
 
+@pytest.mark.long
 def test_where_no_manoeuvre_is_enough_its_repetition_is_said() -> None:
     found = kf.plan_between(["time_delay@gnss_p=0.1 s", "time_delay@gnss_v"], model(), RATE_HZ, room=30.0)
     assert found.shortest is None
@@ -276,6 +278,7 @@ def test_numbers_of_a_place() -> None:
     assert effect("time_delay@baro").effect == make("time_delay", delay=0.2)
 
 
+@pytest.mark.long
 def test_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

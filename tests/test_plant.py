@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -422,14 +423,16 @@ def test_a_right_model_leaves_white_residuals_over_the_whole_record() -> None:
 
 @pytest.mark.parametrize(
     ("name", "values"),
-    [
-        ("viscous_friction", {"coefficient": 0.3}),
-        pytest.param("quadratic_drag", {"coefficient": 0.1}, marks=pytest.mark.long),
-        pytest.param("constant_input", {"value": 0.2}, marks=pytest.mark.long),
-        pytest.param("spring", {"coefficient": 0.5}, marks=pytest.mark.long),
-        ("cubic_spring", {"coefficient": 0.5}),
-        ("coulomb_friction", {"level": 0.3}),
-    ],
+    in_part(
+        [
+            ("viscous_friction", {"coefficient": 0.3}),
+            pytest.param("quadratic_drag", {"coefficient": 0.1}, marks=pytest.mark.long),
+            pytest.param("constant_input", {"value": 0.2}, marks=pytest.mark.long),
+            pytest.param("spring", {"coefficient": 0.5}, marks=pytest.mark.long),
+            ("cubic_spring", {"coefficient": 0.5}),
+            ("coulomb_friction", {"level": 0.3}),
+        ]
+    ),
 )
 def test_a_missing_term_is_recovered(name: str, values: dict[str, float]) -> None:
     laws: dict[str, Callable[[float, float], float]] = {
@@ -483,14 +486,16 @@ def changed(name: str) -> Array:
 
 @pytest.mark.parametrize(
     ("name", "wanted"),
-    [
-        ("input_delay", [0.05]),
-        pytest.param("input_lag", [0.06], marks=pytest.mark.long),
-        ("input_nonlinearity", [0.3, -0.6]),
-        ("square_law", [0.7]),
-        ("saturation", [0.18]),
-        ("input_dead_zone", [0.02]),
-    ],
+    in_part(
+        [
+            ("input_delay", [0.05]),
+            pytest.param("input_lag", [0.06], marks=pytest.mark.long),
+            ("input_nonlinearity", [0.3, -0.6]),
+            ("square_law", [0.7]),
+            ("saturation", [0.18]),
+            ("input_dead_zone", [0.02]),
+        ]
+    ),
 )
 def test_a_change_of_the_input_is_recovered(name: str, wanted: list[float]) -> None:
     scene = scene_of(changed(name), 3)

@@ -78,6 +78,7 @@ def switched(on: float) -> Array:
     return np.repeat((np.arange(40) + on) % 2, lengths)[:N].astype(np.float64)
 
 
+@pytest.mark.long
 def test_a_dead_time_while_the_input_is_on_from_the_start(asked: Callable[..., Any]) -> None:
     """The heater was off before the log: for 6 s it does not heat although the log has it on."""
     q = switched(1.0)
@@ -88,6 +89,7 @@ def test_a_dead_time_while_the_input_is_on_from_the_start(asked: Callable[..., A
     assert abs(6.0 - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo) < 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("on", [0.0, pytest.param(1.0, marks=pytest.mark.long)])
 def test_what_is_the_same_is_as_probable(on: float, asked: Callable[..., Any]) -> None:
     """A lag before a linear plant at rest is one behind it: whichever is named, the other is as probable as it."""

@@ -49,6 +49,7 @@ def turned(u: Array, width: float, seed: int) -> Array:
     return np.array(out) + np.random.default_rng(seed).standard_normal(u.size)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [pytest.param(0.1, marks=pytest.mark.long), 0.4])
 def test_a_dead_zone_is_named(width: float, kfgen: Cli, tmp_path: Path) -> None:
     u = np.repeat(np.random.default_rng(50).uniform(-5.0, 5.0, 50), 50)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.effects.plant.terms import InputDelay, InputLag
@@ -76,9 +77,9 @@ def least(force: Array, data: dict[str, Array], effect: str, times: Array) -> Ar
 
 
 @pytest.mark.parametrize(
-    "start", [0.05, *(pytest.param(s, marks=pytest.mark.long) for s in (0.3, 1.0, 4.0)), 16.0]
+    "start", in_part([0.05, *(pytest.param(s, marks=pytest.mark.long) for s in (0.3, 1.0, 4.0)), 16.0])
 )
-@pytest.mark.parametrize("effect", ["input_delay", "input_lag"])
+@pytest.mark.parametrize("effect", in_part(["input_delay", "input_lag"]))
 def test_a_time_is_found_from_far_below_and_above(effect: str, start: float) -> None:
     rng, t = np.random.default_rng(67), np.arange(N) * DT
     force = -np.cos(2.1 * t) * np.sign(np.cos(0.31 * t))

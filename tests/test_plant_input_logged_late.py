@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.effects.faults.samples import TooEarly
@@ -60,7 +61,8 @@ def recorded(early: int, a: float = 2.0, drag: float = 0.0) -> tuple[Log, float]
 
 
 @pytest.mark.parametrize(
-    "early", [pytest.param(15, marks=pytest.mark.long), 30, pytest.param(100, marks=pytest.mark.long), 300]
+    "early",
+    in_part([pytest.param(15, marks=pytest.mark.long), 30, pytest.param(100, marks=pytest.mark.long), 300]),
 )
 def test_a_time_advance_is_named(early: int) -> None:
     log, sd = recorded(early)
@@ -72,14 +74,16 @@ def test_a_time_advance_is_named(early: int) -> None:
 
 @pytest.mark.parametrize(
     ("a", "drag"),
-    [
-        (2.0, 0.0),
-        (2.02, 0.0),
-        (3.0, 0.0),
-        pytest.param(6.0, 0.0, marks=pytest.mark.long),
-        (1.0, 0.0),
-        (1.5, 0.05),
-    ],
+    in_part(
+        [
+            (2.0, 0.0),
+            (2.02, 0.0),
+            (3.0, 0.0),
+            pytest.param(6.0, 0.0, marks=pytest.mark.long),
+            (1.0, 0.0),
+            (1.5, 0.05),
+        ]
+    ),
 )
 def test_what_makes_a_plant_quicker_or_slower_is_no_time_advance(a: float, drag: float) -> None:
     assert not plant_scene(parse_model(MOTOR, "motor.toml"), recorded(0, a, drag)[0]).spoilt

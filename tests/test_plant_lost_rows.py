@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from driven_cart import N, cart, gap_of
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.gap.plant.hole_responses import Responses
@@ -26,6 +27,7 @@ def lost_at_random(rng: np.random.Generator) -> NDArray[np.bool_]:
     return kept
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in (2, 3))])
 def test_a_tenth_of_the_rows_lost_at_random(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng([176117, seed])
@@ -34,7 +36,7 @@ def test_a_tenth_of_the_rows_lost_at_random(tmp_path: Path, seed: int) -> None:
     assert any("rows of the log are lost" in w and "counts as unknown" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("length", [12, pytest.param(60, marks=pytest.mark.long), 400])
+@pytest.mark.parametrize("length", in_part([12, pytest.param(60, marks=pytest.mark.long), 400]))
 def test_a_long_hole(tmp_path: Path, length: int) -> None:
     rng = np.random.default_rng([176118, length])
     kept = np.ones(N, bool)
@@ -44,6 +46,7 @@ def test_a_long_hole(tmp_path: Path, length: int) -> None:
     assert any(f"{length} rows of the log are lost" in w for w in found.warnings)
 
 
+@pytest.mark.long
 def test_what_is_hidden_beside_lost_rows_is_found(tmp_path: Path) -> None:
     rng = np.random.default_rng(176119)
     found = gap_of(tmp_path, *cart(rng, damping=1.15), lost_at_random(rng))

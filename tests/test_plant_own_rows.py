@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from click.testing import Result
 from driven_cart import RATE, SIGMA, N, cart, driven, gap_of
+from in_part import in_part
 
 Cli = Callable[..., Result]
 
 
-@pytest.mark.parametrize("rows", [2, 3, 5])
+@pytest.mark.parametrize("rows", in_part([2, 3, 5]))
 def test_an_output_that_is_held(tmp_path: Path, rows: int) -> None:
     u, seen = cart(np.random.default_rng([176125, rows]))
     found = gap_of(tmp_path, u, seen[np.arange(N) // rows * rows], rate=RATE / rows)
@@ -26,7 +27,7 @@ def test_an_output_that_is_held(tmp_path: Path, rows: int) -> None:
     )
 
 
-@pytest.mark.parametrize("rows", [2, 4])
+@pytest.mark.parametrize("rows", in_part([2, 4]))
 def test_an_output_that_was_interpolated(tmp_path: Path, rows: int) -> None:
     u, seen = cart(np.random.default_rng([176126, rows]))
     at = np.arange(0, N, rows)
@@ -35,12 +36,14 @@ def test_an_output_that_was_interpolated(tmp_path: Path, rows: int) -> None:
     assert any("which draws straight lines from value to value" in w for w in found.warnings)
 
 
+@pytest.mark.long
 def test_what_is_hidden_behind_a_held_output_is_found(tmp_path: Path) -> None:
     u, seen = cart(np.random.default_rng(176127), damping=1.3)
     found = gap_of(tmp_path, u, seen[np.arange(N) // 3 * 3], rate=RATE / 3)
     assert [f.where for f in found.findings] in (["v"], ["c"])
 
 
+@pytest.mark.long
 def test_heavy_tails_are_said(kfgen: Cli, tmp_path: Path) -> None:
     rng = np.random.default_rng(176128)
     u, place = driven(rng)
@@ -50,6 +53,7 @@ def test_heavy_tails_are_said(kfgen: Cli, tmp_path: Path) -> None:
     assert "What is left of q_seen: more large values than Gaussian noise has (excess kurtosis " in said
 
 
+@pytest.mark.long
 def test_coloured_noise_is_said(kfgen: Cli, tmp_path: Path) -> None:
     rng = np.random.default_rng(176129)
     u, place = driven(rng)
@@ -61,6 +65,7 @@ def test_coloured_noise_is_said(kfgen: Cli, tmp_path: Path) -> None:
     assert " times the power of its noise in " in said
 
 
+@pytest.mark.long
 def test_nothing_is_left_of_a_sound_log(kfgen: Cli, tmp_path: Path) -> None:
     assert gap_of(tmp_path, *cart(np.random.default_rng(176130))).verdict == "no_gap"
     assert "What is left" not in kfgen("gap", tmp_path / "log.csv", "--model", tmp_path / "cart.toml").output

@@ -64,6 +64,7 @@ def written(folder: Path, u: Array, theta: Array) -> tuple[Path, Path]:
     return path, model
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in (2, 3))])
 def test_a_log_that_begins_in_the_middle(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng([176121, seed])

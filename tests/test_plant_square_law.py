@@ -55,6 +55,7 @@ def beam(seed: int, duration_s: float = 60.0) -> Log:
     return Log(t, {"angle": Channel.of(angle, "deg"), "u": Channel.of(u, "")}, source="beam")
 
 
+@pytest.mark.long
 def test_one_piece_is_fitted_where_every_guess_from_what_is_assumed_diverges(model: Plant) -> None:
     """A linear thrust that is fitted to a square one leaves a tenth of the motion's variance, over the whole record."""
     log = beam(2)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from driven_cart import CART, RATE, SIGMA, N, gap_of
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
@@ -145,7 +146,7 @@ def test_a_recursion_in_blocks_is_the_recursion() -> None:
         np.testing.assert_allclose(Recursion(M).solved(b, x), every, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("density", [0.05, 0.5])
+@pytest.mark.parametrize("density", in_part([0.05, 0.5]))
 def test_it_is_named_with_its_density(tmp_path: Path, density: float) -> None:
     """Before: an `unknown_effect`, or other effects; the updated model file has it, and no gap to the same log."""
     u, seen = noisy_cart(np.random.default_rng([176133, int(100 * density)]), density)
@@ -159,6 +160,7 @@ def test_it_is_named_with_its_density(tmp_path: Path, density: float) -> None:
     assert kf.find_gap(tmp_path / "log.csv", found.updated).verdict == "no_gap"
 
 
+@pytest.mark.long
 def test_an_effect_beside_it_is_found(tmp_path: Path) -> None:
     u, seen = noisy_cart(np.random.default_rng(176134), 0.1, drag=0.5)
     found = gap_of(tmp_path, u, seen)
@@ -167,6 +169,7 @@ def test_an_effect_beside_it_is_found(tmp_path: Path) -> None:
     assert drag.ci95["coefficient"][0] < 0.5 < drag.ci95["coefficient"][1]
 
 
+@pytest.mark.long
 def test_a_force_that_nobody_modelled_is_no_process_noise(tmp_path: Path) -> None:
     """It leaves white innovations as well; its course is a square wave."""
     force = 0.3 * np.sign(np.sin(2.0 * np.pi * 0.11 * np.arange(N) / RATE))
@@ -178,6 +181,7 @@ def test_a_force_that_nobody_modelled_is_no_process_noise(tmp_path: Path) -> Non
     assert refused[0].why.startswith("it is a spectral line at 0.1")
 
 
+@pytest.mark.long
 def test_noise_on_an_undamped_pendulum_is_no_input_that_was_logged_late(tmp_path: Path) -> None:
     """It is out of phase after a while, which an input that is moved by half a period makes up for: `bad_data` before."""
     rng, h = np.random.default_rng(12), 1.0 / RATE / SUBSTEPS

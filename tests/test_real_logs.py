@@ -113,6 +113,7 @@ def test_a_triad_that_is_blind_in_a_direction_is_far_off() -> None:
     assert (scene.residuals([ScenePoint((blind,), np.zeros(0))]) == MAX_RESIDUAL).all()
 
 
+@pytest.mark.long
 def test_a_sensor_that_moved_through_gaps_is_identified(recording: Callable[[str], Path]) -> None:
     """Ten gaps within 135 s, and motion in place of rest: bad evidence for noise, and no reason to end in an error."""
     log = read_log(recording("dynamic/xio_fusion_sensor_data.npz"))

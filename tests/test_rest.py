@@ -194,6 +194,7 @@ def test_it_is_the_detector_of_its_description(
             assert number(machine, "AT_REST") == model.rest
 
 
+@pytest.mark.long
 def test_it_is_there_where_the_sensor_is_and_can_be_left_out(tmp_path: Path) -> None:
     def routines(program: Program) -> set[str]:
         return {r.name for r in program.entries}
@@ -210,6 +211,7 @@ def test_it_is_there_where_the_sensor_is_and_can_be_left_out(tmp_path: Path) -> 
         made(without=("brakes",))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("without", "most", "least"), [((), 1.0, 0.0), pytest.param(("rest",), 50.0, 5.0, marks=pytest.mark.long)]
 )

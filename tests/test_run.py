@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -108,6 +109,7 @@ def in_band(total: float, freedom: int) -> bool:
     return bool(low < total < high)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("part", "rows"),
     [(0, 3), (1, 3), (2, 3), (3, 6), (4, 15)],
@@ -124,7 +126,7 @@ def test_innovations_are_as_large_as_the_filter_says(sensor: str) -> None:
     assert in_band(nis.sum(), 3 * nis.size), nis.mean()
 
 
-@pytest.mark.parametrize("sensor", ["gnss_position", "gnss_velocity"])
+@pytest.mark.parametrize("sensor", in_part(["gnss_position", "gnss_velocity"]))
 def test_innovations_over_a_log_after_the_alignment(sensor: str) -> None:
     """`run` aligns by itself, roughly: after the first seconds its innovations are white and sized."""
     runs = [run(program(), log_of(s)).sensors[sensor] for s in (0, 1, 2)]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
@@ -68,7 +69,9 @@ def test_errors_of_position_and_velocity_are_reference_less_estimate_with_the_fi
         np.testing.assert_array_equal(errors[title].deviation, result.deviation[:, first : first + 3])
 
 
-@pytest.mark.parametrize("options", [{}, {"attitude_error": "local-quaternion"}, {"frame": "ecef"}], ids=str)
+@pytest.mark.parametrize(
+    "options", in_part([{}, {"attitude_error": "local-quaternion"}, {"frame": "ecef"}]), ids=str
+)
 def test_errors_of_attitude_are_the_rotation_from_estimate_to_reference(options: dict[str, str]) -> None:
     log = flight(tuple(options.items()))
     result = run(kf.build("ins15", options=options), log)
@@ -245,6 +248,7 @@ def test_a_track_in_earth_axes_is_shown_level_at_the_start() -> None:
     assert away.magnitude().max() < 1e-3
 
 
+@pytest.mark.long
 def test_a_page_shows_what_the_log_has() -> None:
     headings = [p.content for p in run_parts(run("ins15", flight())) if p.kind == "heading"]
     assert headings == ["Track", "Attitude", "Errors against the reference", "Innovations"]

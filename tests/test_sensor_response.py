@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.signal import butter, firwin, freqz, lfilter
 from scipy.stats import chi2
@@ -67,7 +68,7 @@ def log_of(y: Array, path: Path) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", in_part(FILTERS))
 def test_the_gain_is_that_of_the_filter(name: str) -> None:
     """In bands of 2.5 Hz: 300 ordinates of 12,000 samples are known to 8 %, and the line to less; four of those.
 
@@ -85,7 +86,7 @@ def test_the_gain_is_that_of_the_filter(name: str) -> None:
     assert found.response.gains[-1] == pytest.approx(np.sqrt(true_power(name, np.array([49.9]))[0]), rel=0.35)
 
 
-@pytest.mark.parametrize(("order", "corner_hz"), [(1, 3.0), (1, 10.0), (2, 3.0), (2, 10.0)])
+@pytest.mark.parametrize(("order", "corner_hz"), in_part([(1, 3.0), (1, 10.0), (2, 3.0), (2, 10.0)]))
 def test_a_slow_low_pass_takes_nothing_from_the_density(order: int, corner_hz: float) -> None:
     """A slow one has fallen over most of the band; 4.5 standard deviations, of the fit's own intervals, and 1 % by its law."""
     white = np.random.default_rng(1).standard_normal(203_000)
@@ -95,7 +96,7 @@ def test_a_slow_low_pass_takes_nothing_from_the_density(order: int, corner_hz: f
     assert abs(np.log(float(found.fit.effects[0].N) / N)) < 0.01 + 4.5 * (hi - lo) / 3.92
 
 
-@pytest.mark.parametrize(("order", "corner_hz"), [(1, 3.0), (2, 10.0)])
+@pytest.mark.parametrize(("order", "corner_hz"), in_part([(1, 3.0), (2, 10.0)]))
 def test_nor_in_a_long_record(order: int, corner_hz: float) -> None:
     """Of 2.5 million samples, whose block means have power folded into them."""
     white = np.random.default_rng(1).standard_normal(2_503_000)
@@ -125,8 +126,8 @@ def test_white_noise_has_no_response() -> None:
     assert identified(white).response is None
 
 
-@pytest.mark.parametrize("name", FILTERS)
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("name", in_part(FILTERS))
+@pytest.mark.parametrize("seed", in_part([2, 3]))
 def test_another_record_of_the_sensor_has_no_gap(name: str, seed: int, tmp_path: Path) -> None:
     """Without the response each is a low-pass that is missing. A gap that is none is found in 0.5 % of records."""
     kf.identify(log_of(passed(name, seed), tmp_path / "a.csv")).save(tmp_path / "n.toml")
@@ -136,11 +137,13 @@ def test_another_record_of_the_sensor_has_no_gap(name: str, seed: int, tmp_path:
 
 @pytest.mark.parametrize(
     ("hidden", "what"),
-    [
-        (lambda t, _: 0.15 * np.sin(2.0 * np.pi * 31.3 * t), "sinusoid"),
-        (lambda t, _: 0.5 * (t > 70.0), "bias_step"),
-        (lambda t, _: 1.7 * passed("fourth order", 7) * (t > 50.0), "noise_change"),
-    ],
+    in_part(
+        [
+            (lambda t, _: 0.15 * np.sin(2.0 * np.pi * 31.3 * t), "sinusoid"),
+            (lambda t, _: 0.5 * (t > 70.0), "bias_step"),
+            (lambda t, _: 1.7 * passed("fourth order", 7) * (t > 50.0), "noise_change"),
+        ]
+    ),
 )
 def test_an_effect_beside_the_response_is_named(
     hidden: Callable[[Array, Array], Array], what: str, tmp_path: Path
@@ -186,8 +189,8 @@ def test_the_ends_of_a_record_are_not_white_behind_a_filter() -> None:
     assert whitener.ends(effects[:1], dt) == 0
 
 
-@pytest.mark.parametrize(("order", "corner_hz"), [(4, 5.0), (6, 5.0), (8, 8.0)])
-@pytest.mark.parametrize("seed", [0, 1, 3])
+@pytest.mark.parametrize(("order", "corner_hz"), in_part([(4, 5.0), (6, 5.0), (8, 8.0)]))
+@pytest.mark.parametrize("seed", in_part([0, 1, 3]))
 def test_a_filter_that_stops_more_than_the_ends_leak(
     order: int, corner_hz: float, seed: int, tmp_path: Path
 ) -> None:
@@ -200,7 +203,7 @@ def test_a_filter_that_stops_more_than_the_ends_leak(
     assert found.verdict == "no_gap", [f.name for f in found.findings]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", in_part(range(8)))
 def test_one_knock_is_neither_outliers_nor_intermittent(seed: int, tmp_path: Path) -> None:
     """Too small to be left out, it rings down within 40 samples of 8,000; before, six of these eight were intermittent."""
     rng, m = np.random.default_rng([seed, 5]), np.arange(40)
@@ -240,7 +243,7 @@ def white_noise() -> NoiseModel:
     return NoiseModel({"gyro_x": ChannelNoise("rad/s", (Term(make("white_noise", N=N)),))})
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", in_part([1, 2]))
 def test_noise_behind_a_low_pass_of_the_file_is_no_gap(order: int, tmp_path: Path) -> None:
     """One of second order stops much of the band: before, steps, lines and changes of the noise were fitted to what
     it leaves there, for certain. False alarms are one in 200; the seeds are fixed."""

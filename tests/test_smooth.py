@@ -90,6 +90,7 @@ def errors(found: FilterRun, log: Log) -> np.ndarray:
     return np.column_stack([found.estimate[:, found.names.index(n)] - log.values(f"ref_{n}") for n in names])
 
 
+@pytest.mark.long
 def test_smoothed_errors_are_smaller_and_as_large_as_they_say() -> None:
     """Mean NEES of position and velocity in the middle of 12 flights: false alarms of a right smoother 1 in 1000."""
     nees, squares = [], []

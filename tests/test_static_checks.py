@@ -11,6 +11,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from in_part import in_part
 
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.c import header
@@ -35,8 +36,8 @@ def written(name: str, form: str, real: str, folder: Path) -> Program:
     return program
 
 
-@pytest.mark.parametrize(("name", "form", "real"), CASES)
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(("name", "form", "real"), in_part(CASES))
+@pytest.mark.parametrize("language", in_part(LANGUAGES))
 def test_clang_warns_of_nothing(language: str, name: str, form: str, real: str, tmp_path: Path) -> None:
     """Conversions, signs, promotions, shadows and old casts; an enumeration that becomes an `int` is said."""
     if importlib.util.find_spec("ziglang") is None:
@@ -73,6 +74,7 @@ def test_sanitizers_find_nothing_in_hostile_calls(name: str, form: str, real: st
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.long
 def test_sanitizers_find_a_call_beyond_the_table(tmp_path: Path) -> None:
     written("ahrs6", "ud", "float", tmp_path)
     path = tmp_path / "hostile.c"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
@@ -138,6 +139,7 @@ def reject(machine: Machine, seconds: float, far: float) -> list[str]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", [pytest.param("p", marks=pytest.mark.long), "ud"])
 def test_a_jump_is_rejected_for_its_time_and_then_followed(form: str) -> None:
     """2 s, as `RESET_AFTER` says; the position then is the fix, at its variance, and nothing else was widened."""
@@ -172,6 +174,7 @@ def test_predictions_that_were_missed_for_long_widen_all() -> None:
     np.testing.assert_allclose(wide[6:9], machine.program.settings["RESET_ATTITUDE"].value, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_a_second_reset_of_one_sensor_widens_all() -> None:
     machine = started("ins15")
     reject(machine, 5.0, 0.0)
@@ -203,7 +206,7 @@ def test_an_input_that_does_not_change_is_stuck() -> None:
     assert machine.call("supervise") == "DEGRADED"
 
 
-@pytest.mark.parametrize("name", ["ahrs6", "ins15"])
+@pytest.mark.parametrize("name", in_part(["ahrs6", "ins15"]))
 def test_an_open_gate_rejects_nothing_and_widens_nothing(name: str) -> None:
     """As `kfgen run` has it: every sample counts, and no reset comes between a log and its innovations."""
     machine = started(name, "p")

@@ -81,6 +81,7 @@ def test_scores_are_derivatives_of_the_likelihood() -> None:
     assert set(_sizes(groups, x, NoiseSizes()).channels) == set(scene.path.rows.channels)
 
 
+@pytest.mark.long
 def test_noise_as_assumed_keeps_its_size() -> None:
     """Every interval of 99.9 % holds one (eight sizes: by chance not in one of 125 seeds)."""
     for s in tuned("clean").sizes:
@@ -89,6 +90,7 @@ def test_noise_as_assumed_keeps_its_size() -> None:
         assert abs(middle) < 3.29 / 1.96 * half, s
 
 
+@pytest.mark.long
 def test_louder_noise_is_found_where_it_is() -> None:
     """Sizes 2 and 3 within 99.9 % of their intervals, the others as before; the unseen part is more likely."""
     found = tuned("loud")
@@ -102,11 +104,13 @@ def test_louder_noise_is_found_where_it_is() -> None:
     assert found.nis["gnss_v_D"][1] < 1.3
 
 
+@pytest.mark.long
 def test_the_tuned_filter_needs_no_tuning() -> None:
     again = kf.tune(kf.build(tuned("loud").improved), loud())
     assert [s.group.where for s in again.sizes if s.is_shown and abs(np.log(s.times)) > 0.15] == []
 
 
+@pytest.mark.long
 def test_the_command_writes_a_filter_that_differs_in_its_noise(tmp_path: Path) -> None:
     kf.write_log(loud(), tmp_path / "log.npz")
     args = ["run", "ins15", str(tmp_path / "log.npz"), "--tune", "-o", str(tmp_path / "tuned.toml")]

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.geodetic.calls import border_calls
@@ -109,8 +110,8 @@ def verdicts(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., CoreVerd
     return find
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("core", ["host", "m4f"])
+@pytest.mark.parametrize("name", in_part(NAMES))
+@pytest.mark.parametrize("core", in_part(["host", "m4f"]))
 def test_no_word_differs(name: str, core: str, verdicts: Callable[..., CoreVerdict]) -> None:
     v = verdicts(name, core)
     n = program(name).n
@@ -126,7 +127,7 @@ def test_no_word_differs(name: str, core: str, verdicts: Callable[..., CoreVerdi
 CASES = [pytest.param(*key, marks=pytest.mark.long if key[0] == "ins23" else ()) for key in BUDGETS]
 
 
-@pytest.mark.parametrize(("name", "form"), CASES)
+@pytest.mark.parametrize(("name", "form"), in_part(CASES))
 def test_costs_are_within_budget(name: str, form: str, verdicts: Callable[..., CoreVerdict]) -> None:
     """And no word differs on the core that is counted."""
     verdict = verdicts(name, "m4f", form)
@@ -165,7 +166,7 @@ OFTEN = ("hostcpp", "m0", "rv32imc")
 
 
 @pytest.mark.parametrize(
-    "core", [c if c in OFTEN else pytest.param(c, marks=pytest.mark.long) for c in OTHERS]
+    "core", in_part([c if c in OFTEN else pytest.param(c, marks=pytest.mark.long) for c in OTHERS])
 )
 def test_no_word_differs_on_any_core(core: str, tmp_path: Path) -> None:
     """In both forms, with loops and without, in double precision on one."""
@@ -180,6 +181,7 @@ def test_no_word_differs_on_any_core(core: str, tmp_path: Path) -> None:
         assert (v.differing, v.max_ulp) == (0, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("core", ["rv32imfc"])
 def test_fused_products_stay_within_the_tolerance(core: str, tmp_path: Path) -> None:
     """They do fuse, for fewer instructions run; words are within a thousandth of a standard deviation."""
@@ -204,7 +206,7 @@ def altered(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-@pytest.mark.parametrize("core", ["host", "m4f"])
+@pytest.mark.parametrize("core", in_part(["host", "m4f"]))
 def test_altered_header_is_found(core: str, kfgen: Callable[..., Any], tmp_path: Path) -> None:
     need(core)
     folder, out = tmp_path / "ahrs", tmp_path / "v.json"
@@ -287,6 +289,7 @@ def test_a_python_module_runs_on_no_emulated_core(kfgen: Callable[..., Any], tmp
     assert kfgen("verify", folder, "--core", "m4f").exit_code == 2
 
 
+@pytest.mark.long
 def test_the_header_says_what_a_call_costs(kfgen: Callable[..., Any], tmp_path: Path) -> None:
     """The same counts as the proof's."""
     need("m4f")
@@ -303,7 +306,7 @@ def test_the_header_says_what_a_call_costs(kfgen: Callable[..., Any], tmp_path: 
     assert not (tmp_path / "g").exists()
 
 
-@pytest.mark.parametrize("form", ["p", "ud"])
+@pytest.mark.parametrize("form", in_part(["p", "ud"]))
 def test_factors_stay_positive_with_identified_noise(form: str) -> None:
     """Ten minutes at rest without floors: the packed covariance in single precision is lost, the factors are not.
 

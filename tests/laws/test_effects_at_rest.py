@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from in_part import in_part
 from strong_effects import (
     ABSTRACT,
     AT_REST,
@@ -196,16 +197,18 @@ def test_a_fault_of_a_reference_is_refused_at_rest(strong: Strong) -> None:
 
 @pytest.mark.parametrize(
     "rho",
-    [
-        0.3,
-        pytest.param(
-            0.9,
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="a channel is regressed on the other, whose noise it shares: unknown_effect",
+    in_part(
+        [
+            0.3,
+            pytest.param(
+                0.9,
+                marks=pytest.mark.xfail(
+                    strict=True,
+                    reason="a channel is regressed on the other, whose noise it shares: unknown_effect",
+                ),
             ),
-        ),
-    ],
+        ]
+    ),
 )
 def test_noise_that_two_channels_share_is_named(rho: float) -> None:
     """And is no gap where the file has it. Two channels of a triad, out of a log of a filter at rest."""

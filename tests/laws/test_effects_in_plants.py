@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from in_part import in_part
 from strong_effects import PLANT, PLANT_DURATION_S, PLANT_RATE_HZ, Strong
 
 import kfgen as kf
@@ -69,7 +70,7 @@ def test_every_effect_of_plants_is_tried() -> None:
     assert {s.name for s in PLANT} >= QUICK
 
 
-@pytest.mark.parametrize("strong", QUICK_AND_LONG, ids=label)
+@pytest.mark.parametrize("strong", in_part(QUICK_AND_LONG), ids=label)
 def test_an_effect_that_the_model_file_lacks_is_named(strong: Strong, tmp_path: Path) -> None:
     """Alone, and its first number to four of its own standard deviations (6e-5 of the seeds for each)."""
     found = compared(strong, tmp_path, known=False)
@@ -81,7 +82,7 @@ def test_an_effect_that_the_model_file_lacks_is_named(strong: Strong, tmp_path: 
     assert abs(getattr(strong.effect, first) - 0.5 * (lo + hi)) < 4.0 * (hi - lo) / 3.92
 
 
-@pytest.mark.parametrize("strong", QUICK_AND_LONG, ids=label)
+@pytest.mark.parametrize("strong", in_part(QUICK_AND_LONG), ids=label)
 def test_an_effect_that_the_model_file_has_is_no_gap(strong: Strong, tmp_path: Path) -> None:
     found = compared(strong, tmp_path, known=True)
     assert (found.verdict, found.findings) == ("no_gap", ())

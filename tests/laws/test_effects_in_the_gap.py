@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from in_part import in_part
 from strong_effects import INERTIAL, Strong
 
 import kfgen as kf
@@ -126,7 +127,9 @@ def test_of_two_effects_that_do_nearly_the_same_none_is_certain(seed: int) -> No
 
 @pytest.mark.parametrize(
     ("strong", "where"),
-    [pytest.param(*p, marks=[] if p[0].name == "scale_factor" else pytest.mark.long) for p in TESTED],
+    in_part(
+        [pytest.param(*p, marks=[] if p[0].name == "scale_factor" else pytest.mark.long) for p in TESTED]
+    ),
     ids=label,
 )
 def test_an_effect_that_the_model_has_is_no_gap(strong: Strong, where: str) -> None:
@@ -136,7 +139,8 @@ def test_an_effect_that_the_model_has_is_no_gap(strong: Strong, where: str) -> N
 
 
 @pytest.mark.parametrize(
-    "name", [n if n in ("ahrs25", "ins15") else pytest.param(n, marks=pytest.mark.long) for n in MOVING]
+    "name",
+    in_part([n if n in ("ahrs25", "ins15") else pytest.param(n, marks=pytest.mark.long) for n in MOVING]),
 )
 def test_a_log_of_a_model_itself_shows_no_gap(name: str) -> None:
     """Point 4: ten effects were named in a log of ins15, and ahrs25 ended in a KeyError."""
@@ -146,7 +150,7 @@ def test_a_log_of_a_model_itself_shows_no_gap(name: str) -> None:
     assert not found.findings
 
 
-@pytest.mark.parametrize(("strong", "where"), TESTED, ids=label)
+@pytest.mark.parametrize(("strong", "where"), in_part(TESTED, 7), ids=label)
 def test_the_filter_that_has_an_effect_is_consistent_on_a_log_of_it(strong: Strong, where: str) -> None:
     """Mean NIS over 150 updates or more: 2.34 to 3.66 of 3 components holds 99.9 %, of one 0.62 to 1.38; a start has room above."""
     name = "ins15" if where == "baro" or (strong.name, where) in NEEDS_POSITION else "ahrs6"

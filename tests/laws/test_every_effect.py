@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from strong_effects import ABSTRACT, EVERY, FAULTS, INERTIAL, REFERENCE, REST, SHARED, Strong
 
 from kfgen.core.errors import InputError
@@ -106,7 +107,7 @@ def test_a_fault_of_the_reference_is_refused_by_the_simulation_and_left_out_of_t
     assert [o.effect for o in changed.omitted] == [strong.name]
 
 
-@pytest.mark.parametrize("strong", [s for s in INERTIAL if s.name != "earth_rate"], ids=label)
+@pytest.mark.parametrize("strong", in_part([s for s in INERTIAL if s.name != "earth_rate"], 4), ids=label)
 def test_as_a_state_an_error_of_a_sensor_that_moves_has_states_or_is_refused(strong: Strong) -> None:
     for where in strong.where:
         for name in MODELS:

@@ -95,6 +95,7 @@ def test_an_option_attaches_an_effect_of_the_catalogue(
     assert {type(e.effect) for e in built.errors} == {catalogue()[effect]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", in_part(["scale_factor", "scale_asymmetry", "bandwidth"]))
 def test_a_rate_table_written_as_a_model_file_names_what_a_noise_file_does(tmp_path: Path, name: str) -> None:
     """Before: `unknown_effect`, with 2240 nats of a scale factor."""
@@ -116,6 +117,7 @@ def test_a_rate_table_written_as_a_model_file_names_what_a_noise_file_does(tmp_p
     assert kf.find_gap(log, again).verdict == "no_gap"
 
 
+@pytest.mark.long
 def test_the_gap_of_a_filter_writes_a_filter_file_that_every_verb_takes(tmp_path: Path) -> None:
     model = kf.build("ahrs6").augment("gyro_x", make("scale_factor", coefficient=0.02))
     log = kf.simulate(model, "generic", duration=20.0, rate=50.0, seed=3)
@@ -135,6 +137,7 @@ def test_the_gap_of_a_filter_writes_a_filter_file_that_every_verb_takes(tmp_path
     assert "gyro_x_scale_factor" in (tmp_path / "code" / f"{improved.name}.h").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_no_class_has_a_name_of_another() -> None:
     names: Counter[str] = Counter()
     for path in ROOT.rglob("*.py"):
