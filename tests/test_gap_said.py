@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from scipy.fft import dct
 
 from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects import make
 from kfgen.effects.faults.samples import UnitError
 from kfgen.effects.inertial.magnetic import SoftIron
+from kfgen.gap.core.battery import white_tests
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.result import Comparison, Finding, NoiseScale
-from kfgen.gap.words import finding_sentence, noise_scale_sentences
+from kfgen.gap.words import finding_sentence, left_sentences, noise_scale_sentences
 
 FIELD = ("field along 1_n", "field along 2_n", "field along 3_n")
 
@@ -83,3 +86,20 @@ def test_channels_of_one_noise_are_said_together() -> None:
         "The white noise of mag_x, mag_y, mag_z is 2.24 times as large as assumed (95 %: 1.87 to 2.69)",
         "The noise of gyro_x is 2.24 times as large as assumed (95 %: 1.87 to 2.69)",
     ]
+
+
+@pytest.mark.parametrize(("f", "said"), [(0.0, "a constant offset"), (0.1, "a periodic line at 0.1")])
+def test_a_line_without_a_period_is_an_offset(f: float, said: str) -> None:
+    """Of a record of a thousand samples at 1 Hz; the largest ordinate is that of the added wave."""
+    t = np.arange(1000)
+    z = np.random.default_rng(9).standard_normal(1000) + np.cos(2.0 * np.pi * f * (t + 0.5))
+    whole = Comparison(
+        channels=("accel",),
+        verdict="unknown_effect",
+        findings=(),
+        before=(),
+        after=tuple(white_tests(z, 1.0, dct(z, norm="ortho"))),
+        gap=Gap(0.0, 0.0, 0.0, (0.0, 0.0)),
+        span_s=(0.0, 1000.0),
+    )
+    assert said in left_sentences(whole)[0]

@@ -20,7 +20,7 @@ import kfgen as kf
 from kfgen.core.errors import InputError
 from kfgen.effects.plant.process_noise import ProcessNoise
 from kfgen.gap.plant.noise.linear_path import LinearPath
-from kfgen.gap.plant.noise.path_filter import PathFilter, Recursion
+from kfgen.gap.plant.noise.path_filter import PathFilter, Recursion, gains
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.scene.scene import Placed
@@ -102,6 +102,24 @@ def path_of(rng: np.random.Generator, n: int = 12, k: int = 2, m: int = 2) -> Li
     return LinearPath(
         rng.uniform(0.5, 1.5, n - 1), rng.standard_normal((n, k)), A, C, y, R, rng.standard_normal((n - 1, k))
     )
+
+
+def test_a_start_of_which_nothing_is_known_leaves_what_the_first_sample_says() -> None:
+    """Both states are seen a trillion times closer than they begin: after a sample their covariance is that of its noise."""
+    n, R = 4, np.array([8e-7, 2e-3])
+    A, C = np.array([[1.0, 0.003], [0.0, 1.0]]), np.eye(2)
+    path = LinearPath(
+        np.full(n - 1, 0.003),
+        np.zeros((n, 2)),
+        np.tile(A, (n - 1, 1, 1)),
+        np.tile(C, (n, 1, 1)),
+        np.zeros((n, 2)),
+        np.tile(R, (n, 1)),
+        np.zeros((n - 1, 2)),
+    )
+    P = [p for p, _, _ in gains(path, lambda _: np.zeros((2, 2)), 4e8 * np.eye(2))]
+    assert P[1] == pytest.approx(A @ np.diag(R) @ A.T, rel=1e-6)
+    assert all(np.linalg.eigvalsh(p).min() > 0.0 for p in P)
 
 
 def test_the_filter_about_a_path_is_the_distribution_of_all_samples() -> None:

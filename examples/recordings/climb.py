@@ -6,14 +6,14 @@ position and velocity are late together has 0.200 +- 0.016 s, or a drift: there 
 
 from pathlib import Path
 
-from common import Case, main, of_flight
+from common import Case, main, of_log
 
 import kfgen as kf
 
 
 def climb(file: Path) -> Case:
     """As anybody would type it: the log, and the filter as it is built."""
-    return of_flight(kf.read_log(file), kf.build("ins15"))
+    return of_log(kf.read_log(file), kf.build("ins15"))
 
 
 if __name__ == "__main__":

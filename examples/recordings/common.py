@@ -22,6 +22,7 @@ from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
+from kfgen.model.plant.user import UserModel
 from kfgen.report.gap import gap_answer
 from kfgen.report.page import Answer, write_page
 
@@ -66,8 +67,8 @@ def of_scene(log: Log, scene: Scene | None, unit: UnitOf | None = None) -> tuple
     return gap, [f"verdict {gap.verdict}", *said], gap_answer(found)
 
 
-def of_flight(log: Log, model: FilterModel) -> Case:
-    """The gap of a filter over a log without a reference."""
+def of_log(log: Log, model: FilterModel | UserModel) -> Case:
+    """The gap of a filter or a plant over a log without a reference."""
     found = find_gap(log, model)
     (gap,) = found.comparisons
     said = [f"{_said(gap, f)} ({100 * f.probability:.0f} %)" for f in gap.findings]

@@ -6,7 +6,7 @@ Its magnetometer follows the motor, whose current is not in the log, and is left
 
 from pathlib import Path
 
-from common import Case, main, of_flight
+from common import Case, main, of_log
 from fixed_wing import flight as flown
 
 import kfgen as kf
@@ -26,7 +26,7 @@ NOISE = NoiseModel(
 def flight(file: Path) -> Case:
     """A receiver that is late in velocity and position."""
     log, _ = flown(file)
-    return of_flight(log, kf.build("ins15", noise=NOISE))
+    return of_log(log, kf.build("ins15", noise=NOISE))
 
 
 if __name__ == "__main__":

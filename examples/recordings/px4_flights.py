@@ -6,7 +6,7 @@ as its battery does; neither has a reference. What is missing from this filter n
 
 from pathlib import Path
 
-from common import Case, main, of_flight
+from common import Case, main, of_log
 
 import kfgen as kf
 from kfgen.effects import make
@@ -24,7 +24,7 @@ NOISE = NoiseModel(
 
 def flight(file: Path) -> Case:
     """Height by the barometer, heading by the magnetometer."""
-    return of_flight(kf.read_log(file), kf.build("ins23", noise=NOISE, sensors=["barometer", "mag"]))
+    return of_log(kf.read_log(file), kf.build("ins23", noise=NOISE, sensors=["barometer", "mag"]))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ antenna, its axes turned; no clock offset was found by hand, and the noise of th
 from pathlib import Path
 
 import numpy as np
-from common import AXES, Array, Case, main, of_flight
+from common import AXES, Array, Case, main, of_log
 from scipy.spatial.transform import Rotation
 
 import kfgen as kf
@@ -52,7 +52,7 @@ def recorded(file: Path) -> Log:
 
 def walk(file: Path) -> Case:
     """The receiver's velocity is smoothed and later than its position, and fixes are half as noisy as assumed."""
-    return of_flight(recorded(file), kf.build("ins15", noise=NOISE))
+    return of_log(recorded(file), kf.build("ins15", noise=NOISE))
 
 
 if __name__ == "__main__":

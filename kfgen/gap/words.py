@@ -102,14 +102,14 @@ def left_sentences(c: Comparison) -> list[str]:
 def _seen_by(t: Test) -> str:
     """What a test saw, in words; empty of one whose name says it elsewhere."""
     kurtosis = TAILS_PER_KURTOSIS * (t.ratio - 1.0)
-    words = {
+    return {
         **dict.fromkeys(_POWERS, f"{t.ratio:.2g} times the power of its noise {_band(t)}"),
         "periodic line": f"a periodic line {_band(t)}",
+        "constant offset": "a constant offset",
         "tails": f"{'more' if kurtosis > 0.0 else 'fewer'} large values than Gaussian noise has (excess kurtosis {kurtosis:.2g})",
         "skewness": "values that are larger to one side than to the other",
         "correlated squares": "noise that is louder at some times than at others",
-    }
-    return words.get(t.name, "")
+    }.get(t.name, "")
 
 
 def noise_scale_sentences(scales: Sequence[NoiseScale]) -> list[str]:

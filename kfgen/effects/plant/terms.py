@@ -144,6 +144,10 @@ class QuadraticDrag(StateTerm):
 
         return -self.coefficient * s * sp.Abs(s)
 
+    def forbidden(self) -> str:
+        """It takes energy away."""
+        return "drag does not drive" if float(self.coefficient) < 0.0 else ""
+
 
 @dataclass(frozen=True)
 class ConstantInput(StateTerm):

@@ -207,7 +207,7 @@ def _line(X: Array, dt: float) -> Test:
     top = float(X[k] ** 2)
     p = -float(np.expm1(X.size * np.log1p(-min(float(chi2.sf(top, 1)), 0.5))))
     f = 0.5 * k / (X.size * dt)
-    return Test("periodic line", p, (f, f), top)
+    return Test("periodic line" if k else "constant offset", p, (f, f), top)
 
 
 def _tails(z: Array, whole: tuple[float, float]) -> Test:

@@ -82,14 +82,18 @@ def gains(
     P0 : ndarray, shape (..., states, states)
         Covariance of where they begin; several filters run side by side.
     """
-    P, identity = P0, np.eye(path.C.shape[1])
+    P, of_channels, of_states = P0, *map(np.eye, path.C.shape[1:])
     for i, (C, R) in enumerate(zip(path.C, path.R)):
         PC = P @ C.T
-        W = np.asarray(np.linalg.solve(np.linalg.cholesky(C @ PC + np.diag(R)), identity), dtype=np.float64)
+        W = np.asarray(
+            np.linalg.solve(np.linalg.cholesky(C @ PC + np.diag(R)), of_channels), dtype=np.float64
+        )
         K = np.asarray(PC @ (W.swapaxes(-1, -2) @ W))
         yield P, K, W
         if i < path.steps.size:
-            P = path.A[i] @ (P - K @ PC.swapaxes(-1, -2)) @ path.A[i].T + driving(i)
+            A = path.A[i] @ (of_states - K @ C)  # by Joseph: it stays positive, however sure a sample is
+            AK = path.A[i] @ K
+            P = A @ P @ A.swapaxes(-1, -2) + (AK * R) @ AK.swapaxes(-1, -2) + driving(i)
             P = 0.5 * (P + P.swapaxes(-1, -2))
 
 
