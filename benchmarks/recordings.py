@@ -21,6 +21,7 @@ CASES: tuple[tuple[str, str, str, str], ...] = (
     ("quarter_drone", "slow", "beam with a propeller (H. Ayala), slow", "the thrust goes with the square of the input"),
     ("quarter_drone", "flight", "the same, as it flew", "the same"),
     ("quarter_drone", "steps", "the same, steps", "the same"),
+    ("pendulum", "swing_up", "pendulum on a motor (DFKI), without friction", "dry friction of the joint"),
     ("gyro_warm_up", "warm-up", "gyro of 8.75 mdps (S. Shrikanth), 1191 s", "it warms up: 0.42 to 0.45 deg/s, 109 to 128 s"),
     ("gyro_line", "line", "MPU-6050 at rest (T. Suarez)", "a line at 38.0 Hz in its spectrum"),
     ("ranger_rate", "ranger", "VL53L0X, one hour (T. Suarez)", "200 244 samples in 3600 s are 1.112 times its 50 Hz"),

@@ -213,6 +213,14 @@ def test_a_propeller_is_quadratic(said: Callable[..., str], case: str, file: str
 
 
 @long
+def test_a_joint_has_dry_friction(said: Callable[..., str]) -> None:
+    """A linear fit of the smoothed acceleration has 0.158 N m beside an inertia of 0.215 kg m^2: 0.73 rad/s^2."""
+    text = said("pendulum", "swing_up", "systems/dfki_simple_pendulum.npz")
+    assert 0.6 < number(line_of(text, "dry (Coulomb) friction"), "level = ") < 0.9
+    assert number(text.splitlines()[-1], "  ") > 90.0
+
+
+@long
 def test_a_climb_shows_that_the_receiver_is_late(recording: Callable[[str], Path]) -> None:
     """PX4-ECL's replay of a simulated quadrotor that moves up and down; an independent fit has 0.200 s with 0.016 s."""
     found = kf.find_gap(recording("flights/ecl_iris_gps_replay.csv"), "ins15")
