@@ -5,6 +5,8 @@ No statistics: a model of another plant, and simulations far beyond the data.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,3 +99,19 @@ def test_numbers_that_no_simulation_follows_as_assumed_stay_free(
     answer = answered(scene, noise_first=False)
     assert answer.scene is scene
     assert not answer.found.added
+
+
+@pytest.mark.parametrize(("times", "kept"), [(1.0, False), (1.5, True)])
+def test_freedom_with_which_a_fit_goes_astray_is_not_given(
+    times: float, kept: bool, scene: PlantScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A number in question that nothing needs is free again, unless its fit then leaves more than twice the power."""
+    fit = fitted(scene, start_of(scene))
+    freed = replace(fit, residual=times * fit.residual)
+    found = Explained(fit, (), fit, scene)
+    monkeypatch.setattr(assumed_parameters, "explained", lambda *_, **__: found)
+    monkeypatch.setattr(assumed_parameters, "fitted", lambda *_: freed)
+    monkeypatch.setattr(assumed_parameters, "moved", lambda *_: set[str]())
+    monkeypatch.setattr(PlantScene, "refuted", lambda _: (Placed(ParameterError(0.0), "early"),))
+    monkeypatch.setattr(PlantScene, "held", lambda *_: scene)
+    assert answered(scene, noise_first=False).fit is (fit if kept else freed)

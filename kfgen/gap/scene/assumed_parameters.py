@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
@@ -24,6 +26,9 @@ from kfgen.gap.scene.tempered_scene import TemperedScene
 
 MIN_SHARE_OF_NOISE = 0.05
 """Of the evidence of a random error alone, that an effect must have to be looked for before it."""
+MAX_LEFT_TIMES = 2.0
+"""Sum of squares that may be left with numbers given back their freedom, by that with them held: more of it is a fit that
+went astray."""
 FIRST_LIMITS = replace(
     LIMITS, max_effects=4, min_first_evidence_nats=0.0, max_iterations=0, first_counts_rivals=True
 )
@@ -114,6 +119,8 @@ def answered(scene: Scene, *, noise_first: bool) -> Answered:
     free = scene.held(wrong & named)
     kept = [a for a in found.added if not (_is_error(a) and a.addition.placed.where in wrong - named)]
     fit = fitted(free, ScenePoint(tuple(a.addition.placed for a in kept), start_of(free).unknowns))
+    if not np.sum(fit.residual**2) <= MAX_LEFT_TIMES * np.sum(found.fit.residual**2):
+        return Answered(here, here, found)
     return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit, free, found.refused))
 
 
