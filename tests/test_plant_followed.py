@@ -107,11 +107,11 @@ def test_freedom_with_which_a_fit_goes_astray_is_not_given(
 ) -> None:
     """A number in question that nothing needs is free again, unless its fit then leaves more than twice the power."""
     fit = fitted(scene, start_of(scene))
-    freed = replace(fit, residual=times * fit.residual)
+    anew = replace(fit, residual=times * fit.residual)
     found = Explained(fit, (), fit, scene)
     monkeypatch.setattr(assumed_parameters, "explained", lambda *_, **__: found)
-    monkeypatch.setattr(assumed_parameters, "fitted", lambda *_: freed)
+    monkeypatch.setattr(assumed_parameters, "fitted", lambda *_: anew)
     monkeypatch.setattr(assumed_parameters, "moved", lambda *_: set[str]())
     monkeypatch.setattr(PlantScene, "refuted", lambda _: (Placed(ParameterError(0.0), "early"),))
     monkeypatch.setattr(PlantScene, "held", lambda *_: scene)
-    assert answered(scene, noise_first=False).fit is (fit if kept else freed)
+    assert answered(scene, noise_first=False).fit is (fit if kept else anew)
