@@ -22,7 +22,7 @@ QUICK = {
         "test_noise_file",
         "test_user_model",
     ),
-    *("test_straight_line", "test_gap_search", "test_simulate", "test_readers"),
+    *("test_gap_search", "test_simulate", "test_readers"),
     *("test_effects", "test_every_effect", "test_core_formulas"),
 }
 """Modules that `make test-quick` runs: a part of every layer, within a minute on two cores."""
