@@ -16,17 +16,19 @@ def in_part(values: Iterable[Any], count: int = 1) -> list[Any]:
     values : iterable
         Of one parameter, or a tuple for several; one that is marked stays so.
     count : int
-        That are in every run.
+        That are in every run, beside those that are marked.
 
     Returns
     -------
     list
     """
-    each = list(values)
-    late = [
-        v if hasattr(v, "marks") else pytest.param(*_values(v), marks=pytest.mark.long) for v in each[count:]
-    ]
-    return [*each[:count], *late]
+    out = []
+    for value in values:
+        count -= not (is_marked := hasattr(value, "marks"))
+        out.append(
+            value if is_marked or count >= 0 else pytest.param(*_values(value), marks=pytest.mark.long)
+        )
+    return out
 
 
 def _values(value: Any) -> tuple[Any, ...]:

@@ -23,10 +23,11 @@ def times(n: int, *, even: bool) -> Array:
 @pytest.mark.quick
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("n", [1, 2, 3, 1000])
-def test_what_fades_is_its_recursion(n: int, even: bool) -> None:
+@pytest.mark.parametrize("tau", [[1e-4, 0.05, 30.0], [0.05]])
+def test_what_fades_is_its_recursion(n: int, even: bool, tau: list[float]) -> None:
     rng = np.random.default_rng(n)
     t, driven = times(n, even=even), rng.standard_normal((n, BATCH))
-    stay = np.exp(-np.diff(t)[:, None] / np.array([1e-4, 0.05, 30.0]))
+    stay = np.exp(-np.diff(t)[:, None] / np.array(tau))
     x = driven.copy()
     for k in range(1, n):
         x[k] = stay[k - 1] * x[k - 1] + driven[k]

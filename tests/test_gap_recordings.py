@@ -214,9 +214,12 @@ def test_a_propeller_is_quadratic(said: Callable[..., str], case: str, file: str
 
 @long
 def test_a_joint_has_dry_friction(said: Callable[..., str]) -> None:
-    """A linear fit of the smoothed acceleration has 0.158 N m beside an inertia of 0.215 kg m^2: 0.73 rad/s^2."""
+    """A linear fit of the smoothed acceleration has 0.158 N m beside an inertia of 0.215 kg m^2: 0.73 rad/s^2.
+
+    The clock ends the search, so what stands beside it differs, and with it the level, to a third.
+    """
     text = said("pendulum", "swing_up", "systems/dfki_simple_pendulum.npz")
-    assert 0.6 < number(line_of(text, "dry (Coulomb) friction"), "level = ") < 0.9
+    assert 0.5 < number(line_of(text, "dry (Coulomb) friction"), "level = ") < 1.0
     assert number(text.splitlines()[-1], "  ") > 90.0
 
 

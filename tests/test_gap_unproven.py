@@ -16,7 +16,7 @@ from kfgen.core import time_budget
 from kfgen.effects.effect import Effect
 from kfgen.effects.inertial.errors import EarthRate
 from kfgen.effects.plant.sensor import Backlash
-from kfgen.effects.plant.terms import CoulombFriction, InputDeadZone, QuadraticDrag, Saturation
+from kfgen.effects.plant.terms import InputDeadZone, Saturation
 from kfgen.gap.core.unseen import LinearFit, parts_of, tail_of, unseen_gain
 from kfgen.gap.find_gap import find_gap
 from kfgen.gap.plant.reach import unreached
@@ -152,10 +152,6 @@ def test_searches_share_what_is_left_of_the_time() -> None:
 @pytest.mark.parametrize(
     ("effect", "why"),
     [
-        (CoulombFriction(-0.2), "drive"),
-        (CoulombFriction(0.2), ""),
-        (QuadraticDrag(-0.1), "drive"),
-        (QuadraticDrag(0.1), ""),
         (EarthRate(5e-5, 0.0, -5.3e-5), ""),
         (EarthRate(-1e-3, -4e-3, -1e-3), "so fast"),
     ],

@@ -12,7 +12,8 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects.plant.sensor import SensorLag
-from kfgen.effects.plant.terms import ParameterError
+from kfgen.effects.plant.terms import CoulombFriction, ParameterError, QuadraticDrag, StateTerm
+from kfgen.gap.plant.reach import does_drive
 from kfgen.gap.plant.recorded_channel import check_near
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.scene import assumed_parameters
@@ -24,6 +25,7 @@ from kfgen.gap.scene.scene import Placed, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
+from kfgen.model.plant.plant import Plant
 
 MOTOR = """format = "kfgen-model-1"
 name = "motor"
@@ -74,6 +76,30 @@ def test_a_model_that_is_nowhere_near_is_refused(scene: PlantScene) -> None:
     check_near(scene.model, scene.recorded, near, "as it is")
     with pytest.raises(InputError, match=r"motor does not follow the log: as it is, .* nowhere near speed"):
         check_near(scene.model, scene.recorded, {"speed": near["speed"] + 3.0 * np.std(values)}, "as it is")
+
+
+@pytest.mark.parametrize(
+    ("effect", "drives"),
+    [
+        (CoulombFriction(-320.0), False),
+        (CoulombFriction(-350.0), True),
+        (QuadraticDrag(-0.2), False),
+        (QuadraticDrag(-0.22), True),
+    ],
+)
+def test_friction_may_be_less_than_that_of_the_model_and_does_not_drive(
+    effect: StateTerm, drives: bool, scene: PlantScene
+) -> None:
+    """At 40 rad/s the motor's own friction is 40 / 0.12 = 333 rad/s^2."""
+    plant = Plant(scene.model, ())
+    assert does_drive(Placed(effect, "omega"), plant, (), np.array([40.0])) == drives
+
+
+def test_what_drives_is_no_finding(scene: PlantScene) -> None:
+    """Of whatever size: drag that is far more than what the motor loses."""
+    assert "does not drive" in scene.unreached(Placed(QuadraticDrag(-100.0), "omega"))
+    assert scene.unreached(Placed(QuadraticDrag(100.0), "omega")) == ""
+    assert scene.unreached(Placed(QuadraticDrag(-1e-3), "omega")) == ""
 
 
 def test_numbers_that_no_simulation_follows_as_assumed_stay_free(

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.driven.composed import composed
+
 Array = NDArray[np.float64]
 
 EVEN = 1e-6
@@ -41,9 +43,6 @@ def behind(t: Array, h: Array, tau: Any, start: Array) -> Array:
 def faded(t: Array, stay: Array, driven: Array) -> Array:
     """The recursion ``x[k + 1] = stay[k] x[k] + driven[k + 1]`` from ``x[0] = driven[0]``, shape (n, batch).
 
-    Even steps of time go through a filter. Uneven ones are put together in pairs, pairs of pairs and so on: ``log2(n)``
-    passes over whole arrays.
-
     Parameters
     ----------
     t : ndarray, shape (n,)
@@ -60,10 +59,10 @@ def faded(t: Array, stay: Array, driven: Array) -> Array:
     if np.ptp(dt) <= EVEN * float(dt.mean()):
         factors = np.broadcast_to(stay[0], driven.shape[1:])
         return np.column_stack([lfilter([1.0], [1.0, -a], x) for a, x in zip(factors, driven.T)])
-    x, kept = driven.copy(), np.vstack([np.zeros_like(stay[:1]), stay])
-    span = 1
-    while span < x.shape[0]:
-        x[span:] += kept[span:] * x[:-span]
-        kept[span:] = kept[span:] * kept[:-span]
-        span *= 2
-    return x
+    kept = np.vstack([np.zeros_like(stay[:1]), stay])
+    return np.asarray(composed(np.array(np.broadcast_arrays(kept, driven)), _later)[1])
+
+
+def _later(then: Array, before: Array) -> Array:
+    """Straight lines of factor and constant, one after the other."""
+    return np.array([then[0] * before[0], then[0] * before[1] + then[1]])

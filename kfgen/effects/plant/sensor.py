@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.driven.composed import composed
 from kfgen.effects.driven.first_order_lag import behind
 from kfgen.effects.effect import parameter
 from kfgen.effects.plant.terms import PlantEffect
@@ -101,18 +102,13 @@ class Backlash(SensorChange):
         return self.width
 
     def shown(self, t: Array, h: Array) -> Array:
-        """The backlash operator, from the middle of the backlash.
-
-        A sample holds the value between two limits, and so do several of them in turn: limits of pairs of samples, of
-        pairs of pairs and so on, in ``log2(n)`` passes over whole arrays.
-        """
+        """The backlash operator, from the middle of the backlash: each sample holds the value between two limits."""
         half = np.asarray(self.width) / 2.0
-        low, high = np.array(np.broadcast_arrays(h - half, h + half))
-        low[0] = high[0] = h[0]
-        span = 1
-        while span < low.shape[0]:
-            below, above = low[span:].copy(), high[span:].copy()
-            low[span:] = np.minimum(np.maximum(low[:-span], below), above)
-            high[span:] = np.minimum(np.maximum(high[:-span], below), above)
-            span *= 2
-        return np.asarray(low)
+        limits = np.array(np.broadcast_arrays(h - half, h + half))
+        limits[:, 0] = h[0]
+        return np.asarray(composed(limits, _held_within)[0])
+
+
+def _held_within(then: Array, before: Array) -> Array:
+    """Limits after others: both of these held between the later ones."""
+    return np.asarray(np.minimum(np.maximum(before, then[0]), then[1]))

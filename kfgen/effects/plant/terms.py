@@ -50,10 +50,13 @@ class StateTerm(PlantEffect):
     ----------
     positional : bool
         It needs the state whose derivative is the state that it acts on.
+    brakes : bool
+        All friction of a plant together takes energy away.
     """
 
     acts: ClassVar[str] = "state"
     positional: ClassVar[bool] = False
+    brakes: ClassVar[bool] = False
 
     def term(self, s: Any, p: Any) -> Any:
         """What is added to the derivative of a state, in symbols.
@@ -102,6 +105,7 @@ class CoulombFriction(StateTerm):
     v0: Any = parameter("U*s", "setting", 1e-3)
 
     name: ClassVar[str] = "coulomb_friction"
+    brakes: ClassVar[bool] = True
     title: ClassVar[str] = "dry (Coulomb) friction"
     separating_experiment: ClassVar[str] = "coasting down from two speeds, to rest"
     sentence_template: ClassVar[str] = "is slowed by dry friction of {level}"
@@ -111,10 +115,6 @@ class CoulombFriction(StateTerm):
         import sympy as sp
 
         return -self.level * sp.tanh(s / self.v0)
-
-    def forbidden(self) -> str:
-        """It takes energy away."""
-        return "friction does not drive" if float(self.level) < 0.0 else ""
 
     @property
     def rate(self) -> Any:
@@ -134,6 +134,7 @@ class QuadraticDrag(StateTerm):
     coefficient: Any = parameter("1/(U*s^2)", "signed")
 
     name: ClassVar[str] = "quadratic_drag"
+    brakes: ClassVar[bool] = True
     title: ClassVar[str] = "quadratic drag"
     separating_experiment: ClassVar[str] = "coasting down from two speeds"
     sentence_template: ClassVar[str] = "is slowed in proportion to its speed squared by {coefficient}"
@@ -143,10 +144,6 @@ class QuadraticDrag(StateTerm):
         import sympy as sp
 
         return -self.coefficient * s * sp.Abs(s)
-
-    def forbidden(self) -> str:
-        """It takes energy away."""
-        return "drag does not drive" if float(self.coefficient) < 0.0 else ""
 
 
 @dataclass(frozen=True)

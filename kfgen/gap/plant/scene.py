@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects.inertial.inertial_error import InertialError
-from kfgen.effects.plant.terms import ParameterError, PlantEffect
+from kfgen.effects.plant.terms import ParameterError, PlantEffect, StateTerm
 from kfgen.gap.plant.candidates import additions
 from kfgen.gap.plant.columns import Kinds, columns_of, kinds_of, shared
 from kfgen.gap.plant.hole_responses import Simulation, disturbed
 from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.lost_rows import Disturbed, LostRows
 from kfgen.gap.plant.pieces import in_one_piece, lateness, segments, shortest
-from kfgen.gap.plant.reach import rms, unreached
+from kfgen.gap.plant.reach import does_drive, rms, unreached
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.refuted_starts import refuted_starts
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
@@ -380,6 +380,11 @@ class PlantScene:
 
     def unreached(self, placed: Placed) -> str:
         """See `kfgen.gap.scene.scene.Reaching`."""
+        effect = placed.effect
+        if isinstance(effect, StateTerm) and effect.brakes and float(effect.term(1.0, None)) > 0.0:
+            plant, batch = self._plant([self.assumed()])
+            drives = does_drive(placed, plant, plant.given(batch), self.shooting.scale)
+            return f"{effect.title} does not drive" if drives else ""
         return unreached(placed, self.inputs, {n: r.values for n, r in self.recorded.items()})
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
