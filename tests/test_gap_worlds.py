@@ -87,6 +87,7 @@ def plant(tmp_path: Path) -> Callable[[float], tuple[Path, Path]]:
     return make
 
 
+@pytest.mark.long
 def test_a_plant_that_lacks_friction(plant: Any, kfgen: Cli, tmp_path: Path) -> None:
     log, model = plant(0.3)
     answer = asked(kfgen, log, model, tmp_path / "improved.toml")
