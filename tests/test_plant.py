@@ -20,14 +20,14 @@ from scipy.integrate import solve_ivp
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue, make
-from kfgen.effects.plant.terms import PlantEffect, StateTerm
+from kfgen.effects.plant.terms import CoulombFriction, PlantEffect, StateTerm
 from kfgen.gap.plant.candidates import moving
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import model_text, parse_model
-from kfgen.model.plant.plant import Batch, Plant, simulate
+from kfgen.model.plant.plant import Batch, Plant, Run, simulate
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
@@ -289,6 +289,28 @@ def test_a_stiff_plant_takes_more_parts_and_a_batch_is_its_columns() -> None:
                 (0.0, 0.02), x, method="Radau", rtol=1e-9, atol=1e-11,
             ).y[:, -1]  # fmt: skip
         np.testing.assert_allclose(found.states[:, :2, j], np.array(X)[:, :2], atol=1e-4)
+
+
+def test_a_column_that_is_far_stiffer_than_the_others_is_not_followed_and_does_not_hold_them_up() -> None:
+    """A search tries what leads astray beside what does not: that decides how finely all are simulated."""
+    model = parse_model(PENDULUM, "m")
+    plant = Plant(model, [("omega", CoulombFriction)])
+    levels = np.array([0.5, 0.6, 1e4, 1e5, 1e6])
+    X0 = np.repeat(np.array([[[START[n]] for n in model.states]]), levels.size, axis=2)
+    parameters = {n: np.full(levels.size, p.value) for n, p in model.parameters.items()}
+
+    def of(columns: slice) -> Run:
+        friction = CoulombFriction(level=levels[columns], v0=np.full(levels[columns].size, 0.2))
+        batch = Batch(
+            {n: v[columns] for n, v in parameters.items()}, (("omega", friction),), X0[:, :, columns]
+        )
+        return plant.simulate(TIMES, {"u": push(TIMES)}, batch, most=32)
+
+    every, calm, stiff = of(slice(None)), of(slice(2)), of(slice(4, 5))
+    assert every.substeps <= 4 * calm.substeps < 32 == stiff.substeps
+    np.testing.assert_allclose(every.states[:, :, :2], calm.states, atol=1e-3)
+    assert np.isnan(every.states[:, :, 3:]).all()
+    assert np.isfinite(stiff.states).all()  # alone it is what there is
 
 
 def test_without_numba_the_numbers_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,7 @@ def log() -> Log:
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        (RIGHT, '"15*u + omega**3"', r"diverges at t = 0\.\d+ s, from omega = "),
+        (RIGHT, '"15*u + omega**3"', r"(diverges|runs away:) at t = 0\.\d+ s"),
         (RIGHT, '"15*u - sqrt(omega)"', r"at t = \S+ s, with omega = -\S+ rad/s, the derivative of omega is no number"),
         ('tau = "0.1 s"', 'tau = "0 s"', r"at t = 0 s, with omega = \S+ rad/s, the derivative of omega is no number"),
         ('expression = "omega"', 'expression = "log(omega)"', r"at t = \S+ s, with omega = -\S+ rad/s, speed is no number"),

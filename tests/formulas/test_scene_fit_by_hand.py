@@ -20,6 +20,7 @@ from kfgen.effects import make
 from kfgen.gap.scene import newton
 from kfgen.gap.scene.newton import (
     SceneFit,
+    best_start,
     coordinates,
     derivative,
     first_steps,
@@ -219,6 +220,14 @@ def test_three_channels_have_three_levels() -> None:
         for p in parts
     ]
     assert log_posterior(three, np.concatenate(parts), np.zeros(0)) == pytest.approx(sum(values))
+
+
+def test_a_fit_begins_at_the_likeliest_of_several_points() -> None:
+    scene = Few(0.3 * A + 2.0 * BESIDE)
+    here, there, nowhere = (replace(at(line("a", 0.3)), unknowns=np.array([c])) for c in (-50.0, 1.0, np.nan))
+    assert best_start(scene, [here, there]) is best_start(scene, [there, here]) is there
+    assert best_start(scene, [nowhere, here]) is best_start(scene, [here, nowhere]) is here
+    assert best_start(scene, [here, replace(here)]) is here
 
 
 def test_a_linear_scene_is_solved_with_its_prior() -> None:

@@ -63,34 +63,33 @@ def unsettled(batch: Batch, inputs: Mapping[str, Array]) -> dict[str, float]:
     return {n: size for n, size in found.items() if size > 0.0}
 
 
-def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], size: int) -> Array:
-    """Whitened, the difference of the second `size` columns of channels from the first, shape (N, size).
+def changed(
+    recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], anew: Mapping[str, Array]
+) -> Array:
+    """Whitened, how far simulated channels move, shape (N, columns).
 
     Parameters
     ----------
     recorded : mapping of str to RecordedChannel
-    shown : mapping of str to ndarray
-        Simulated channels [SI].
-    size : float
-        Of the change.
+    shown, anew : mapping of str to ndarray, shape (n, columns)
+        Before and after [SI].
     """
     parts = []
     for name, r in recorded.items():
         with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
-            step = shown[name][r.at, size:] - shown[name][r.at, :size]
-            E = r.whitener.ordinates(np.where(np.isfinite(step), step, 0.0))
-        parts.append(E)
+            step = anew[name][r.at] - shown[name][r.at]
+            parts.append(r.whitener.ordinates(np.where(np.isfinite(step), step, 0.0)))
     out = np.concatenate(parts)
     power = np.sum(np.minimum(np.abs(out), MAX_COLUMN_SQUARE_SUM) ** 2, axis=0)
-    whole = np.all([np.isfinite(v).all(axis=0) for v in shown.values()], axis=0)
-    return np.where(whole[:size] & whole[size:] & (power < MAX_COLUMN_SQUARE_SUM), out, 0.0)
+    whole = np.all([np.isfinite(v).all(axis=0) for w in (shown, anew) for v in w.values()], axis=0)
+    return np.where(whole & (power < MAX_COLUMN_SQUARE_SUM), out, 0.0)
 
 
-def distinct(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:
-    """Points without those that differ only in so many `first` unknowns, and which of these each one is."""
+def distinct(points: Sequence[ScenePoint], first: int) -> tuple[list[int], list[int]]:
+    """Which points differ in more than so many `first` unknowns, and for each point the place of its own among them."""
     keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
     place = {k: i for i, k in enumerate(dict.fromkeys(keys))}
-    return [points[keys.index(k)] for k in place], [place[k] for k in keys]
+    return [keys.index(k) for k in place], [place[k] for k in keys]
 
 
 def integrated(left: Array, E: Array) -> Array:

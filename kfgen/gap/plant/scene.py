@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,9 @@ Array = NDArray[np.float64]
 
 ASTRAY = 0.8
 """Share of the shortest segments that make up a record in which a model follows it nowhere."""
+MAX_PARTS_OF_ADDITIONS = 32
+"""Parts of a step at most that an addition may ask for: friction that stops a motion within a small part of a sample is as
+good as any that does so."""
 FAR_FROM_START = 4.0
 """Standard deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
 
@@ -272,8 +275,9 @@ class PlantScene:
         for members in groups.values():
             alike = [points[j] for j in members]
             inside = [without_sensor_errors(p) for p in alike]
-            shown = self.sensors.added(self._shown(inside), alike)
-            out[:, members] = self._whitened(shown, inside)
+            shown = self._shown(inside)
+            left = self._left(self.sensors.added(shown, alike), inside)
+            out[:, members] = reduce(integrated, self._begun(shown, inside), left)
         return out
 
     @cached_property
@@ -309,9 +313,16 @@ class PlantScene:
         plant, batch = self._plant(points)
         parts = self._parts.get(plant.kinds, 1)
         batch = replace(batch, before=before or {})
-        run = plant.simulate(self.clock, self.inputs, batch, self.starts, parts)
+        run = plant.simulate(self.clock, self.inputs, batch, self.starts, parts, self._most)
         self._parts[plant.kinds] = run.substeps
         return run
+
+    @cached_property
+    def _most(self) -> int:
+        """Parts of a step at most: far more than the assumed model asks for."""
+        plant, batch = self._plant([self.assumed()])
+        run = plant.simulate(self.clock, self.inputs, batch, self.starts)
+        return max(MAX_PARTS_OF_ADDITIONS, run.substeps)
 
     def _plant(self, points: Sequence[ScenePoint]) -> tuple[Plant, Batch]:
         """The plant with the effects of points, and the points as its columns."""
@@ -329,12 +340,6 @@ class PlantScene:
         """The points as columns."""
         names = [u.name for u in self.unknowns]
         return columns_of(self.model, self.doubted, (names, len(self.starts)), own, points)
-
-    def _whitened(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
-        left = self._left(channels, points)
-        for E in self._begun(channels, points):
-            left = integrated(left, E)
-        return left
 
     def _left(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
         """Whitened measured less simulated values, as if all were known that may have begun, shape (sum of lengths, points)."""
@@ -355,13 +360,15 @@ class PlantScene:
         batch = self._batch(self._own(), points)
         found = of_sensors(self.recorded, batch, self.clock, shown)
         for name, size in unsettled(batch, self.inputs).items():
-            columns, source = distinct(
-                points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
-            )
-            before = np.repeat([0.0, size], len(columns))
-            run = self._run([*columns, *columns], {name: before})
-            found.append(changed(self.recorded, run.channels, len(columns))[:, source])
+            own, source = distinct(points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1))
+            run = self._run([points[j] for j in own], {name: np.full(len(own), size)})
+            before = {n: v[:, own] for n, v in self._unforced(shown, points).items()}
+            found.append(changed(self.recorded, before, run.channels)[:, source])
         return independent([self.lost.without(E) for E in found])
+
+    def _unforced(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> Mapping[str, Array]:
+        """The channels without process noise, of shape (n, points), where `shown` are those of the scene."""
+        return shown
 
     def spread(self, point: ScenePoint) -> float:
         """See `kfgen.gap.scene.scene.Integrating`."""

@@ -31,7 +31,7 @@ from kfgen.gap.core.thresholds import SearchLimits
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS
 from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, cost_of, ranked, relinearised
 from kfgen.gap.scene.evidence import evidence, evidence_over_widths
-from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.newton import SceneFit, best_start, fitted
 from kfgen.gap.scene.proof import unproven
 from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
@@ -122,9 +122,13 @@ class SceneExplanation:
         return [not search_is_over() and _doubtful(self, i) for i in range(len(self.chosen))]
 
     def without(self, index: int) -> SceneExplanation:
-        """The scene without an effect, all others fitted again."""
+        """The scene without an effect, all others fitted again.
+
+        What made up for it in the unknowns may lead astray without it: where they began may be a better start.
+        """
         placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
-        fit = fitted(self.scene, ScenePoint(placed, self.fit.point.unknowns))
+        begun = [self.fit.point.unknowns, start_of(self.scene).unknowns]
+        fit = fitted(self.scene, best_start(self.scene, [ScenePoint(placed, x) for x in begun]))
         left = self.chosen[:index] + self.chosen[index + 1 :]
         return SceneExplanation(self.scene, fit, with_values(left, fit), self.refused)
 

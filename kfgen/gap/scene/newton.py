@@ -282,6 +282,13 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
     return SceneFit(point, residual, levels, value, _information(scene, J, k), keys, steps, J)
 
 
+def best_start(scene: Scene, starts: Sequence[ScenePoint]) -> ScenePoint:
+    """The likeliest of several points of the same effects at which a fit may begin; the first where none is likelier."""
+    found = scene.residuals(starts)
+    values = [log_posterior(scene, found[:, j], p.unknowns) for j, p in enumerate(starts)]
+    return starts[int(np.argmax(np.nan_to_num(values, nan=-np.inf)))]
+
+
 def _information(scene: Scene, J: Array, k: int) -> Array:
     H = J.T @ J
     H[np.arange(k, H.shape[0]), np.arange(k, H.shape[0])] += _weights(scene) ** 2

@@ -38,6 +38,8 @@ TRANSIENT = 1e-3
 """Relative error of a transient that dies within few steps."""
 STABLE = 2.0
 """Rate times step up to which the method is stable."""
+MAX_NEED_RATIO = 4.0
+"""How many times the parts that another column asks for are taken, or that are taken may be asked for."""
 LOOKS = 40
 """Times at which the rates of a motion are looked at."""
 MEMORY = 4_000_000
@@ -153,6 +155,7 @@ class Plant:
         batch: Batch,
         starts: Sequence[int] = (0,),
         substeps: int = 1,
+        most: int = MOST,
     ) -> Run:
         """States and channels at every time.
 
@@ -167,6 +170,8 @@ class Plant:
             The sample at which each segment starts.
         substeps : int
             Parts of a step to begin with; more are taken where the motion asks for them.
+        most : int
+            Parts of a step at most.
 
         Returns
         -------
@@ -180,13 +185,15 @@ class Plant:
         task = _Task(t, signals, self.given(batch), batch, starts)
         with np.errstate(all="ignore"):
             X = self._states(task, substeps)
-            wanted = self._wanted(task, X)
+            needs = self._needs(task, X)
             for _ in range(4):
-                if wanted <= substeps:
+                if (wanted := min(_parts(needs), most)) <= substeps:
                     break
                 substeps = wanted
                 X = self._states(task, substeps)
-                wanted = self._wanted(task, X)
+                needs = self._needs(task, X)
+            astray = needs > MAX_NEED_RATIO * max(substeps, wanted, float(needs.min(initial=np.inf)))
+            X[:, :, astray] = np.nan
             return Run(X, self._channels(task, X), wanted)
 
     def _changes(self, batch: Batch, name: str) -> list[InputChange]:
@@ -219,14 +226,12 @@ class Plant:
             X[a : b + 1] = integrate(steps, at, X0)
         return X
 
-    def _wanted(self, task: _Task, X: Array) -> int:
-        """Parts of a step that the rates along a motion ask for [1]_."""
+    def _needs(self, task: _Task, X: Array) -> Array:
+        """Parts of a step that the rates along the motion of each column ask for [1]_, shape (batch,)."""
         if not self.states or task.t.size < 2:
-            return 1
+            return np.ones(task.batch.size)
         h = float(np.diff(task.t).max())
-        needs = np.maximum(self._smooth(task, X, h), self._sharp(task, X, h))
-        # A column that runs away beside others, which a search has tried, needs no accuracy.
-        return int(np.ceil(min(float(np.quantile(needs, 0.5, method="lower")), float(MOST))))
+        return np.maximum(self._smooth(task, X, h), self._sharp(task, X, h))
 
     def _smooth(self, task: _Task, X: Array, h: float) -> Array:
         """Parts of a step `h` [s] that the rates of each column ask for, shape (batch,)."""
@@ -280,6 +285,15 @@ class Plant:
                     h = effect.shown(t, h)
             out[name] = h
         return out
+
+
+def _parts(needs: Array) -> int:
+    """Parts of a step of columns that ask for `needs`, shape (batch,).
+
+    A column that runs away beside others, which a search has tried, needs no accuracy, and has none: it is not followed.
+    """
+    most = MAX_NEED_RATIO * float(needs.min(initial=MOST))
+    return int(np.ceil(min(float(np.quantile(needs, 0.5, method="lower")), most, MOST)))
 
 
 def _common(nodes: Sequence[Array], steps: int) -> Array:

@@ -188,6 +188,9 @@ class NoisyPlantScene(PlantScene):
         found = super()._begun(shown, points)
         return independent([self._filtered(E) for E in found]) if self.path.size else found
 
+    def _unforced(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> Mapping[str, Array]:
+        return super()._shown(points) if self.path.size else shown
+
     def _filtered(self, E: Array) -> Array:
         """Columns of whitened channels, shape (sum of lengths, k), as their innovations."""
         n, k = self.log.n, E.shape[1]
