@@ -206,9 +206,17 @@ def test_no_magnet(said: Callable[..., str], case: str, file: str) -> None:
     ],
 )
 def test_a_propeller_is_quadratic(said: Callable[..., str], case: str, file: str) -> None:
-    """The published model with its square comes to 4.1 deg in a free run over the steps, one without to 11.5."""
+    """The published model with its square comes to 4.1 deg in a free run over the steps, one without to 11.5.
+
+    A least-squares fit of free runs cannot decide between the square and a dead zone of 17.4 beside dry friction: 2.3 and 2.1
+    deg in flight, 2.7 and 3.2 over the steps, 1.9 and 2.0 in the slow one.
+    """
     text = said("quarter_drone", case, f"systems/quarter_drone_{file}.npz")
-    assert 0.5 < number(line_of(text, "square law of an actuator"), "share = ") < 1.5
+    named = re.search(r"square law of an actuator, share = ([\d.]+)", text)
+    if named:
+        assert 0.5 < float(named[1]) < 1.5
+    else:
+        assert "does not rule out square_law" in line_of(text, "dead zone of an actuator")
     assert number(text, "deg, then by ") < 4.1
 
 

@@ -64,7 +64,7 @@ def test_a_lag_longer_than_the_log_is_none(scene: PlantScene) -> None:
     base = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
     for tau, kept in ((0.05, True), (1e6, False)):
         start = Placed(SensorLag(tau), "speed")
-        trials = ranked(scene, base, [Screened(10.0, start, base.residual, np.zeros(0))])
+        trials = ranked(scene, base, [Screened(10.0, start, base.residual, np.zeros(0), (start,))])
         times = [float(t.placed.effect.tau) for t in trials]  # type: ignore[attr-defined]
         assert all(t <= 10.0 for t in times)
         assert bool(times) or not kept

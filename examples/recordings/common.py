@@ -27,6 +27,7 @@ from kfgen.report.gap import gap_answer
 from kfgen.report.page import Answer, write_page
 
 AXES = "xyz"
+NOT_RULED_OUT = "This log does not rule out"
 Array = NDArray[np.float64]
 Case = tuple[Sequence[str], Answer | None]
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
@@ -79,8 +80,9 @@ def of_log(log: Log, model: FilterModel | UserModel) -> Case:
 
 
 def _said(gap: Comparison, finding: Finding) -> str:
-    """The first sentence of a finding."""
-    return finding_sentence(gap, finding).split(". ")[0]
+    """The first sentence of a finding, and what the log does not rule out in its place."""
+    first, *others = finding_sentence(gap, finding).split(". ")
+    return ". ".join([first, *(s.split(";")[0] for s in others if s.startswith(NOT_RULED_OUT))])
 
 
 def main(words: str, cases: Mapping[str, tuple[str, Callable[[Path], Case]]]) -> None:

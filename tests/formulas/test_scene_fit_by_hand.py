@@ -25,13 +25,11 @@ from kfgen.gap.scene.newton import (
     derivative,
     first_steps,
     fitted,
+    fitted_from,
     keys_of,
-    level_sd_of_log,
-    levels_of,
-    log_posterior,
     moved,
-    over_levels,
 )
+from kfgen.gap.scene.posterior import level_sd_of_log, levels_of, log_posterior, over_levels
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.scene.screen import Screened, _claims, _own, basis, new_columns, orthogonal_part, screen
 
@@ -290,30 +288,39 @@ def test_a_long_step_in_a_logarithm_goes_two_ways(step: list[float], ways: list[
         assert a == pytest.approx(b)
 
 
+def stepped(
+    scene: Few, at: tuple[ScenePoint, Array, float], g: Array, H: Array, damping: float
+) -> newton._Climb:
+    """One step from a point, of a residual and a value, down a slope."""
+    point, residual, value = at
+    tried = newton._tried(point, g, H, damping)
+    climb = newton._Climb(point, residual, value, value, np.full(2, 1e-3), damping)
+    return newton._stepped(scene, climb, tried, scene.residuals([p for points in tried for p in points]))
+
+
 def test_a_step_keeps_to_what_is_better() -> None:
     """At the best point no step is taken and the damping grows a thousandfold, to one at most; else it falls tenfold."""
     scene = Few(3.0 * A + 1e-3 * RNG.standard_normal(12), sd=1.0)
     best = fitted(scene, at(line("a", 0.1)))
     g = best.jacobian.T @ over_levels(scene, best.residual, best.levels)
     here = (best.point, best.residual, best.value)
-    gain, point, _, value, damping = newton._stepped(scene, here, -g, best.information, 1e-5)
-    assert (gain, value) == (0.0, best.value) or gain < 1e-6
-    assert point is best.point or gain > 0.0
-    assert damping in (pytest.approx(1e-2), pytest.approx(1e-6))
+    there = stepped(scene, here, -g, best.information, 1e-5)
+    assert (there.gain, there.value) == (0.0, best.value) or there.gain < 1e-6
+    assert there.point is best.point or there.gain > 0.0
+    assert there.damping in (pytest.approx(1e-2), pytest.approx(1e-6))
     away = replace(best, point=at(line("a", 2.0)))
     residual = scene.residuals([away.point])[:, 0]
     J, _ = derivative(scene, away.point, residual, best.steps)
     levels = levels_of(scene, residual)
     J = over_levels(scene, J, levels)
     start = log_posterior(scene, residual, away.point.unknowns)
-    gain, point, left, value, damping = newton._stepped(
-        scene, (away.point, residual, start), J.T @ over_levels(scene, residual, levels), J.T @ J, 1e-6
-    )
-    assert gain > 0.0
-    assert value == pytest.approx(start + gain)
-    assert damping == pytest.approx(1e-7)
-    assert point.placed[0].effect.coefficient == pytest.approx(3.0, abs=0.1)  # type: ignore[attr-defined]
-    assert left == pytest.approx(scene.residuals([point])[:, 0])
+    g = J.T @ over_levels(scene, residual, levels)
+    there = stepped(scene, (away.point, residual, start), g, J.T @ J, 1e-6)
+    assert there.gain > 0.0
+    assert there.value == pytest.approx(start + there.gain)
+    assert there.damping == pytest.approx(1e-7)
+    assert there.point.placed[0].effect.coefficient == pytest.approx(3.0, abs=0.1)  # type: ignore[attr-defined]
+    assert there.residual == pytest.approx(scene.residuals([there.point])[:, 0])
 
 
 def test_no_better_point_is_none() -> None:
@@ -323,14 +330,38 @@ def test_no_better_point_is_none() -> None:
     residual = scene.residuals([point])[:, 0]
     value = log_posterior(scene, residual, point.unknowns)
     J, _ = derivative(scene, point, residual, np.full(2, 1e-3))
-    found = newton._stepped(scene, (point, residual, value), -J.T @ residual, J.T @ J + np.eye(2), 1e-6)
-    assert found[0] == 0.0
-    assert found[1] is point
-    assert found[3] == value
-    assert found[4] == pytest.approx(1e-3)
-    assert (
-        newton._stepped(scene, (point, residual, value), -J.T @ residual, J.T @ J + np.eye(2), 0.5)[4] == 1.0
-    )
+    down, H = -J.T @ residual, J.T @ J + np.eye(2)
+    found = stepped(scene, (point, residual, value), down, H, 1e-6)
+    assert (found.gain, found.value) == (0.0, value)
+    assert found.point is point
+    assert found.damping == pytest.approx(1e-3)
+    assert stepped(scene, (point, residual, value), down, H, 0.5).damping == 1.0
+
+
+class Winding(Few):
+    """The same with ``y - sin(3 a) A`` in place of ``y - a A``: every third of a turn is another maximum."""
+
+    has_several_maxima = True
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """With what the coefficient makes of a smooth hill on top, so that one of the maxima is the highest."""
+        a = np.array([p.placed[0].effect.coefficient for p in points])  # type: ignore[attr-defined]
+        left = (self.y[:, None] - np.outer(A, np.sin(3.0 * a))) + np.outer(B, a)
+        return np.asarray(left - np.outer(BESIDE, [p.unknowns[0] for p in points]))
+
+
+def test_a_fit_from_several_starts_is_the_highest_of_their_fits() -> None:
+    """As high as the best of the fits from each, whatever the order; a scene of one maximum begins at the likeliest."""
+    scene = Winding(A + 1e-3 * B)
+    starts = [at(line("a", v)) for v in (4.0, 2.2, -1.8, 0.1)]
+    alone = [fitted(scene, s) for s in starts]
+    assert max(f.value for f in alone) - min(f.value for f in alone) > 1.0
+    for order in (starts, starts[::-1]):
+        found = fitted_from(scene, order)
+        assert found.value == pytest.approx(max(f.value for f in alone), abs=1e-3)
+    other = Few(3.0 * A, sd=1.0)
+    begun = [at(line("a", v)) for v in (9.0, 2.0)]
+    assert fitted_from(other, begun).value == fitted(other, begun[1]).value
 
 
 # The screen.

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,7 @@ class PlantScene:
     spoilt: tuple[Placed, ...] = ()
     either: tuple[Placed, ...] = ()
     seen_late: float | None = None
+    has_several_maxima: ClassVar[bool] = True
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 

@@ -18,9 +18,9 @@ from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.core.search import Label, likeliest_first
 from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.evidence import evidence, evidence_over_widths, time_limits
-from kfgen.gap.scene.newton import SceneFit, coordinates, fitted
+from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, fitted_from
 from kfgen.gap.scene.proof import unreached
-from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint
+from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint, has_several_maxima
 from kfgen.gap.scene.screen import Screened
 from kfgen.gap.scene.tempered_scene import TemperedScene
 from kfgen.gap.scene.unevenness import unevenness_of_effect
@@ -144,7 +144,9 @@ def ranked(
             continue
         if search_is_over():
             break
-        fit = _itself(scene, fitted(scene, ScenePoint((*base.point.placed, o.start), base.point.unknowns)))
+        starts = o.starts if has_several_maxima(scene) else [o.start]
+        begun = [ScenePoint((*base.point.placed, s), base.point.unknowns) for s in starts]
+        fit = _itself(scene, fitted_from(scene, begun))
         if not _blind(base, fit) and not unreached(scene, fit):
             trials.append(FittedAddition(fit.point.placed[-1], fit, 0.0, 0.0, o.direction))
     reference, found = evidence(scene, base), []

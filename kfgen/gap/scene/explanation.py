@@ -31,10 +31,12 @@ from kfgen.gap.core.thresholds import SearchLimits
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS
 from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, cost_of, ranked, relinearised
 from kfgen.gap.scene.evidence import evidence, evidence_over_widths
-from kfgen.gap.scene.newton import SceneFit, best_start, fitted
+from kfgen.gap.scene.newton import SceneFit, fitted, fitted_from
 from kfgen.gap.scene.proof import unproven
+from kfgen.gap.scene.rival import log_odds
 from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
+from kfgen.gap.scene.tempered_scene import TemperedScene
 
 Array = NDArray[np.float64]
 
@@ -95,7 +97,7 @@ class SceneExplanation:
         ranked : sequence of FittedAddition
             All that competed, itself among them.
         """
-        chosen = (*self.chosen, _chosen(replace(addition, about=None), ranked))
+        chosen = (*self.chosen, _chosen(self.scene, replace(addition, about=None), ranked))
         scene, fit = relinearised(*(addition.about or (self.scene, addition.fit)))
         return SceneExplanation(scene, fit, with_values(chosen, fit), self.refused)
 
@@ -128,7 +130,7 @@ class SceneExplanation:
         """
         placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
         begun = [self.fit.point.unknowns, start_of(self.scene).unknowns]
-        fit = fitted(self.scene, best_start(self.scene, [ScenePoint(placed, x) for x in begun]))
+        fit = fitted_from(self.scene, [ScenePoint(placed, x) for x in begun])
         left = self.chosen[:index] + self.chosen[index + 1 :]
         return SceneExplanation(self.scene, fit, with_values(left, fit), self.refused)
 
@@ -293,7 +295,8 @@ def _last(fit: SceneFit, index: int, *, back: bool = False) -> SceneFit:
     )
 
 
-def _chosen(best: FittedAddition, trials: Sequence[FittedAddition]) -> Chosen[FittedAddition]:
+def _chosen(scene: Scene, best: FittedAddition, trials: Sequence[FittedAddition]) -> Chosen[FittedAddition]:
+    """With the probabilities of all trials."""
     alike: dict[Label, float] = {}
     weighed = []
     for t in trials:
@@ -301,6 +304,8 @@ def _chosen(best: FittedAddition, trials: Sequence[FittedAddition]) -> Chosen[Fi
         lost = best.gain - t.gain
         if share > NEARLY_THE_SAME_MIN_COS2 and lost > 0.0:
             lost /= 1.0 + SHARE_OF_EVIDENCE_LEFT_OUT * max(best.gain, 0.0)
+        if share > RESEMBLING_MIN_COS2 and isinstance(scene, TemperedScene) and t.about is best.about is None:
+            lost = log_odds(scene, best.fit, t.fit, lost)
         weighed.append(replace(t, gain=best.gain - lost))
         if t is not best:
             alike[t.label] = max(alike.get(t.label, 0.0), share)

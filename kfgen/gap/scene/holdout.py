@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
 from kfgen.gap.scene.assumed_parameters import Answered
-from kfgen.gap.scene.newton import SceneFit, fitted, level_sd_of_log
+from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.posterior import level_sd_of_log
 from kfgen.gap.scene.proof import series
 from kfgen.gap.scene.scene import HasNoiseSizes, HasWidths, Placed, Scene, ScenePoint, Unknown
 from kfgen.gap.scene.screen import basis, orthogonal_part

@@ -1,8 +1,6 @@
 """Fitting a scene: damped Gauss-Newton steps in the effects' parameters and the world's unknowns.
 
-Signed parameters are fitted as they are, positive ones in their logarithm. Each channel's noise may be
-louder or quieter than assumed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
-noise of the wrong size is no evidence for anything else.
+Signed parameters are fitted as they are, positive ones in their logarithm.
 
 References
 ----------
@@ -11,9 +9,9 @@ References
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +19,19 @@ from numpy.typing import NDArray
 from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.gap.scene.scene import HasOwnNoiseLevels, Placed, Scene, ScenePoint
+from kfgen.gap.scene.posterior import levels_of, log_posterior, over_levels, pulls, weights
+from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, has_several_maxima
 
 Array = NDArray[np.float64]
 
-NOISE_LEVEL_SD_OF_LOG = 0.1
-"""Standard deviation of the logarithm of a channel's noise level."""
 MAX_NEWTON_STEPS = 15
-MAX_LEVEL_STEPS = 30
-LEVEL_TOLERANCE = 1e-14
-"""Step of the logarithm of a noise level at which it is found."""
+CLIMBS_KEPT = ((4, 2), (2, 3), (0, 100))
+"""Steps after which no more than so many of the fits from several starts go on."""
+SAME_PLACE_NATS = 1e-2
+"""Difference of two fits, and relative one of all their coordinates, below which they have come to the same place."""
+SAME_PLACE_SHARE = 1e-3
+DAMPING_FACTORS = (1.0, 1e2, 1e4, 1e6)
+"""By which the damping of a step is tried larger."""
 GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
 GAIN_TOLERANCE_SHARE = 1e-5
@@ -131,77 +132,6 @@ def moved(point: ScenePoint, x: Array) -> ScenePoint:
     return ScenePoint(tuple(placed), np.asarray(x[len(keys) :]))
 
 
-def level_sd_of_log(scene: Scene) -> float:
-    """Standard deviation of the logarithm of a channel's noise level, before the log."""
-    return scene.noise_level_sd_of_log if isinstance(scene, HasOwnNoiseLevels) else NOISE_LEVEL_SD_OF_LOG
-
-
-def levels_of(scene: Scene, residual: Array) -> Array:
-    """The most likely level of each channel's noise, shape (channels,).
-
-    Parameters
-    ----------
-    scene : Scene
-    residual : ndarray, shape (N,)
-        In standard deviations of the assumed noise.
-    """
-    out, sd = [], level_sd_of_log(scene)
-    for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
-        power, s = float(part @ part), 1.0
-        for _ in range(MAX_LEVEL_STEPS):  # Newton's in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 sd^2
-            slope = n - power / s**2 + math.log(s) / sd**2
-            step = -slope / (2.0 * power / s**2 + 1.0 / sd**2)
-            s *= math.exp(min(max(step, -1.0), 1.0))
-            if abs(step) < LEVEL_TOLERANCE:
-                break
-        out.append(s)
-    return np.array(out)
-
-
-def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
-    """Log-likelihood with the levels at their best, plus the log prior of the unknowns [nats].
-
-    Parameters
-    ----------
-    scene : Scene
-    residual : ndarray, shape (N,)
-        In standard deviations of the assumed noise.
-    unknowns : ndarray, shape (q,)
-        [SI].
-    """
-    levels, sd = levels_of(scene, residual), level_sd_of_log(scene)
-    value = 0.0
-    parts = np.split(residual, np.cumsum(scene.lengths)[:-1])
-    for part, n, s in zip(parts, scene.lengths, levels.tolist()):
-        value -= n * float(np.log(s)) + 0.5 * float(part @ part) / s**2 + 0.5 * (np.log(s) / sd) ** 2
-    return value - 0.5 * float(np.sum(_pulls(scene, unknowns) ** 2))
-
-
-def _pulls(scene: Scene, unknowns: Array) -> Array:
-    """How far unknowns are from what is assumed about them, in standard deviations."""
-    values = np.array([u.value for u in scene.unknowns])
-    return np.asarray((unknowns - values) * _weights(scene))
-
-
-def _weights(scene: Scene) -> Array:
-    return np.array([0.0 if not np.isfinite(u.sd) else 1.0 / u.sd for u in scene.unknowns])
-
-
-def over_levels(scene: Scene, x: Array, levels: Array) -> Array:
-    """Residuals, shape (N, ...), over the levels of their channels.
-
-    Parameters
-    ----------
-    scene : Scene
-    x : ndarray, shape (N, ...)
-        Residuals or their derivatives.
-    levels : ndarray, shape (channels,)
-        Noise levels over the assumed ones.
-    """
-    each = np.repeat(levels, scene.lengths)
-    return np.asarray(x / each.reshape(-1, *(1,) * (x.ndim - 1)))
-
-
 def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -> tuple[Array, Array]:
     """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,).
 
@@ -214,36 +144,82 @@ def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -
     steps : ndarray, shape (k + q,)
         Differences of the coordinates from which it begins.
     """
-    x = coordinates(point)
-    if not x.size:
+    if not steps.size:
         return np.zeros((residual.size, 0)), steps
+    (found,) = _derivatives(scene, [point], [steps])
+    return found
 
-    def changed(steps: Array) -> Array:
-        # The point itself once more: a simulation is as fine as all its columns ask for.
-        shifted = [moved(point, x + h * e) for h, e in zip(steps, np.eye(x.size))]
-        found = scene.residuals([point, *shifted])
-        return np.asarray(found[:, 1:] - found[:, :1])
 
-    for _ in range(2):
-        change = changed(steps)
-        size = np.linalg.norm(change, axis=0)
-        good = (size > 0.01 * DIFFERENCE_STEP_SD) & (size < 100.0 * DIFFERENCE_STEP_SD)
-        if good.all():
+def _derivatives(
+    scene: Scene, points: Sequence[ScenePoint], steps: Sequence[Array]
+) -> list[tuple[Array, Array]]:
+    """The same of several points of the same effects."""
+    steps, change = list(steps), [np.zeros(0)] * len(points)
+    asked = list(range(len(points)))
+    for is_last in (False, False, True):
+        for j, moves in zip(asked, _changes(scene, [points[j] for j in asked], [steps[j] for j in asked])):
+            change[j] = moves
+        better = {j: _better_steps(points[j], steps[j], change[j]) for j in asked if not is_last}
+        asked = [j for j, h in better.items() if h is not steps[j]]
+        for j in asked:
+            steps[j] = better[j]
+        if not asked:
             break
-        better = steps * np.clip(DIFFERENCE_STEP_SD / np.maximum(size, 1e-12), 1e-8, 1e8)
-        better = np.minimum(better, MAX_RELATIVE_STEP * np.maximum(np.abs(x), 1.0))
-        logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
-        better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
-        steps = np.where(good, steps, better)
-    else:
-        change = changed(steps)
-    return np.asarray(change / steps), steps
+    return [(np.asarray(c / h), h) for c, h in zip(change, steps)]
+
+
+def _changes(scene: Scene, points: Sequence[ScenePoint], steps: Sequence[Array]) -> list[Array]:
+    """How far residuals move when each coordinate moves by its step, each of shape (N, p)."""
+    every: list[ScenePoint] = []
+    for point, h in zip(points, steps):
+        x = coordinates(point)
+        # The point itself once more: a simulation is as fine as all its columns ask for.
+        every += [point, *(moved(point, x + step * e) for step, e in zip(h, np.eye(x.size)))]
+    found = np.split(scene.residuals(every), np.cumsum([1 + h.size for h in steps])[:-1], axis=1)
+    return [R[:, 1:] - R[:, :1] for R in found]
+
+
+def _better_steps(point: ScenePoint, steps: Array, change: Array) -> Array:
+    """Steps that move the residuals visibly and not far; the same where these do."""
+    size = np.linalg.norm(change, axis=0)
+    good = (size > 0.01 * DIFFERENCE_STEP_SD) & (size < 100.0 * DIFFERENCE_STEP_SD)
+    if good.all():
+        return steps
+    better = steps * np.clip(DIFFERENCE_STEP_SD / np.maximum(size, 1e-12), 1e-8, 1e8)
+    better = np.minimum(better, MAX_RELATIVE_STEP * np.maximum(np.abs(coordinates(point)), 1.0))
+    logs = _logs(point)
+    better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
+    return np.where(good, steps, better)
+
+
+def _logs(point: ScenePoint) -> NDArray[np.bool_]:
+    """Of each parameter, whether it is fitted in its logarithm."""
+    return np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
 
 
 def first_steps(point: ScenePoint) -> Array:
     """Steps to begin with, shape (p,)."""
     x = coordinates(point)
     return np.asarray(1e-5 * np.maximum(np.abs(x), 1e-3))
+
+
+@dataclass(frozen=True)
+class _Climb:
+    """A fit on its way: where it is, the steps of its derivatives, these at the point before, what the last step gained."""
+
+    point: ScenePoint
+    residual: Array
+    value: float
+    begun: float
+    steps: Array
+    damping: float = 1e-6
+    gain: float = np.inf
+    jacobian: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def ends(self) -> bool:
+        """Whether its last step gained as good as nothing."""
+        return self.gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (self.value - self.begun))
 
 
 def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> SceneFit:
@@ -257,29 +233,87 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
     steps : ndarray, shape (k + q,), optional
         Differences by which coordinates are varied.
     """
-    point = start
-    steps = first_steps(start) if steps is None else steps
-    residual = scene.residuals([point])[:, 0]
-    value = log_posterior(scene, residual, point.unknowns)
-    damping, keys, begun = 1e-6, keys_of(point.placed), value
-    k, gain = len(keys), 0.0
-    for _ in range(MAX_NEWTON_STEPS):
-        levels = levels_of(scene, residual)
-        J, steps = derivative(scene, point, residual, steps)
-        J = over_levels(scene, J, levels)
-        if not J.shape[1]:
+    return _end(scene, _climbed(scene, [start], steps))
+
+
+def fitted_from(scene: Scene, starts: Sequence[ScenePoint]) -> SceneFit:
+    """The same from several starts: from the likeliest; where a fit may end at another maximum, from all of them at once.
+
+    Parameters
+    ----------
+    scene : Scene
+    starts : sequence of ScenePoint
+        With the same effects at the same places.
+    """
+    if not has_several_maxima(scene):
+        return fitted(scene, best_start(scene, starts))
+    return _end(scene, _climbed(scene, starts))
+
+
+def _climbed(scene: Scene, starts: Sequence[ScenePoint], steps: Array | None = None) -> _Climb:
+    """The best of the fits from some starts, after all their steps."""
+    found = scene.residuals(starts)
+    climbs = []
+    for j, start in enumerate(starts):
+        value = log_posterior(scene, found[:, j], start.unknowns)
+        own = first_steps(start) if steps is None else steps
+        climbs.append(_Climb(start, found[:, j], value, value, own))
+    for done in range(MAX_NEWTON_STEPS):
+        climbs = _promising(climbs, done)
+        there = [c for c in climbs if c.ends]
+        climbs = [*there, *_advanced(scene, [c for c in climbs if not c.ends])]
+        if all(c.ends for c in climbs) or fit_is_over():
             break
-        g = J.T @ over_levels(scene, residual, levels)
-        g[k:] += _pulls(scene, point.unknowns) * _weights(scene)
-        H = _information(scene, J, k)
-        gain, point, residual, value, damping = _stepped(scene, (point, residual, value), g, H, damping)
-        if gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (value - begun)) or fit_is_over():
-            break
+    return max(climbs, key=_likely)
+
+
+def _likely(climb: _Climb) -> float:
+    return climb.value if np.isfinite(climb.value) else -np.inf
+
+
+def _promising(climbs: Sequence[_Climb], done: int) -> list[_Climb]:
+    """Those that are high enough after so many steps to be the highest at the end, each place once."""
+    best = sorted(climbs, key=_likely, reverse=True)[: next(k for n, k in CLIMBS_KEPT if done >= n)]
+    out: list[_Climb] = []
+    for c in best:
+        left = c.gain * (MAX_NEWTON_STEPS - done) if done >= CLIMBS_KEPT[0][0] else np.inf
+        same = any(
+            abs(c.value - o.value) < SAME_PLACE_NATS
+            and np.allclose(coordinates(c.point), coordinates(o.point), SAME_PLACE_SHARE)
+            for o in out
+        )
+        if not out or (not same and c.value + left > out[0].value):
+            out.append(c)
+    return out
+
+
+def _advanced(scene: Scene, climbs: Sequence[_Climb]) -> list[_Climb]:
+    """Each after one step more, its derivatives at the point before."""
+    if not climbs:
+        return []
+    if not climbs[0].steps.size:
+        return [replace(c, gain=0.0, jacobian=np.zeros((c.residual.size, 0))) for c in climbs]
+    climbs = [
+        replace(c, jacobian=over_levels(scene, J, levels_of(scene, c.residual)), steps=steps)
+        for c, (J, steps) in zip(
+            climbs, _derivatives(scene, [c.point for c in climbs], [c.steps for c in climbs])
+        )
+    ]
+    tried = [_tried(c.point, *_slope(scene, c), c.damping) for c in climbs]
+    every = [[p for points in of_one for p in points] for of_one in tried]
+    found = np.split(scene.residuals([*chain(*every)]), np.cumsum([*map(len, every)])[:-1], axis=1)
+    return [_stepped(scene, c, points, left) for c, points, left in zip(climbs, tried, found)]
+
+
+def _end(scene: Scene, climb: _Climb) -> SceneFit:
+    """What was reached, with the derivatives there."""
+    point, residual, J, steps = climb.point, climb.residual, climb.jacobian, climb.steps
     levels = levels_of(scene, residual)
-    if gain > GAIN_TOLERANCE_NATS:  # else the derivatives are those of the point, or of one as good
+    if climb.gain > GAIN_TOLERANCE_NATS:  # else the derivatives are those of the point, or of one as good
         J, steps = derivative(scene, point, residual, steps)
         J = over_levels(scene, J, levels)
-    return SceneFit(point, residual, levels, value, _information(scene, J, k), keys, steps, J)
+    keys = keys_of(point.placed)
+    return SceneFit(point, residual, levels, climb.value, _information(scene, J, len(keys)), keys, steps, J)
 
 
 def best_start(scene: Scene, starts: Sequence[ScenePoint]) -> ScenePoint:
@@ -291,36 +325,46 @@ def best_start(scene: Scene, starts: Sequence[ScenePoint]) -> ScenePoint:
 
 def _information(scene: Scene, J: Array, k: int) -> Array:
     H = J.T @ J
-    H[np.arange(k, H.shape[0]), np.arange(k, H.shape[0])] += _weights(scene) ** 2
+    H[np.arange(k, H.shape[0]), np.arange(k, H.shape[0])] += weights(scene) ** 2
     return np.asarray(H)
 
 
-def _stepped(
-    scene: Scene, at: tuple[ScenePoint, Array, float], g: Array, H: Array, damping: float
-) -> tuple[float, ScenePoint, Array, float, float]:
-    """One step that raises the posterior, with several dampings tried at once."""
-    point, residual, value = at
-    x, keys = coordinates(point), keys_of(point.placed)
+def _slope(scene: Scene, climb: _Climb) -> tuple[Array, Array]:
+    """Gradient, shape (p,), and information, shape (p, p), of the sum of squares at a point."""
+    J, k = climb.jacobian, len(keys_of(climb.point.placed))
+    g = J.T @ over_levels(scene, climb.residual, levels_of(scene, climb.residual))
+    g[k:] += pulls(scene, climb.point.unknowns) * weights(scene)
+    return g, _information(scene, J, k)
+
+
+def _tried(point: ScenePoint, g: Array, H: Array, damping: float) -> list[list[ScenePoint]]:
+    """Where a step may lead, with each of several dampings, the smallest first."""
+    x, logs = coordinates(point), _logs(point)
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     K = H / np.outer(scale, scale)
-    logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys], bool)
-    tried: list[ScenePoint] = []
-    least = 0
-    for factor in (1.0, 1e2, 1e4, 1e6):
-        d = np.linalg.lstsq(K + damping * factor * np.eye(x.size), -g / scale, rcond=1e-13)[0] / scale
-        tried += [moved(point, x + step) for step in _ways(d, logs)]
-        least = least or len(tried)
-    found = scene.residuals(tried)
+    tried = []
+    for factor in DAMPING_FACTORS:
+        damped = K + damping * factor * np.eye(x.size)
+        d = np.linalg.lstsq(damped, -g / scale, rcond=1e-13)[0] / scale
+        tried.append([moved(point, x + step) for step in _ways(d, logs)])
+    return tried
+
+
+def _stepped(scene: Scene, climb: _Climb, by_damping: Sequence[Sequence[ScenePoint]], found: Array) -> _Climb:
+    """After the step that raises the posterior most; where none does, at the same place, its next one damped."""
+    tried = [p for points in by_damping for p in points]
     values = [log_posterior(scene, found[:, j], p.unknowns) for j, p in enumerate(tried)]
     best = int(np.argmax(values))
-    if not values[best] > value:
-        return 0.0, point, residual, value, min(damping * 1e3, 1.0)
-    return (
-        values[best] - value,
-        tried[best],
-        found[:, best],
-        values[best],
-        max(damping * (1e-1 if best < least else 1e1), 1e-9),
+    if not values[best] > climb.value:
+        return replace(climb, gain=0.0, damping=min(climb.damping * 1e3, 1.0))
+    least = best < len(by_damping[0])
+    return replace(
+        climb,
+        point=tried[best],
+        residual=found[:, best],
+        value=values[best],
+        gain=values[best] - climb.value,
+        damping=max(climb.damping * (1e-1 if least else 1e1), 1e-9),
     )
 
 

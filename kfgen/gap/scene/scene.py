@@ -251,6 +251,20 @@ class InPieces(Protocol):
 
 
 @runtime_checkable
+class HasSeveralMaxima(Protocol):
+    """A world in which a fit may end at another maximum than the highest: a plant whose equations are far from linear."""
+
+    @property
+    def has_several_maxima(self) -> bool:
+        """Whether that is so."""
+
+
+def has_several_maxima(scene: Scene) -> bool:
+    """Whether a fit of a world may end at another maximum than the highest."""
+    return isinstance(scene, HasSeveralMaxima) and scene.has_several_maxima
+
+
+@runtime_checkable
 class HasOutages(Protocol):
     """A world of a filter from which aiding readings can be kept away."""
 

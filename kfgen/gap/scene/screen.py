@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.scene.newton import SceneFit, derivative, first_steps, over_levels
+from kfgen.gap.scene.newton import SceneFit, derivative, first_steps
+from kfgen.gap.scene.posterior import over_levels
 from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
@@ -33,12 +34,15 @@ class Screened:
         Of its parameter that moves the residuals most, without what is fitted anyway.
     claims : ndarray, shape (effects,)
         Share cos^2 of it, without all else, that lies in each effect that is there.
+    starts : tuple of Placed
+        All of its starts.
     """
 
     gain: float
     start: Placed
     direction: Array
     claims: Array
+    starts: tuple[Placed, ...]
 
 
 def screen(scene: Scene, base: SceneFit) -> list[Screened]:
@@ -70,7 +74,8 @@ def _screened(
     power = float(before @ before)
     points = [ScenePoint((*base.point.placed, s), base.point.unknowns) for s in starts]
     found = scene.residuals(points)
-    best = Screened(-np.inf, starts[0], np.zeros_like(before), np.zeros(len(own)))
+    every = tuple(starts)
+    best = Screened(-np.inf, starts[0], np.zeros_like(before), np.zeros(len(own)), every)
     for j, point in enumerate(points):
         if not np.isfinite(found[:, j]).all():
             continue
@@ -84,7 +89,7 @@ def _screened(
             rest = rest - B @ (np.linalg.pinv(B.T @ B, rcond=1e-10, hermitian=True) @ (B.T @ rest))
         gain = 0.5 * (power - float(rest @ rest))
         if gain > best.gain:
-            best = Screened(gain, starts[j], A[:, int(np.argmax(size))], _claims(columns, size, own))
+            best = Screened(gain, starts[j], A[:, int(np.argmax(size))], _claims(columns, size, own), every)
     return best
 
 

@@ -19,8 +19,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.scene.newton import SceneFit, level_sd_of_log
-from kfgen.gap.scene.scene import Integrating, Linearised, Placed, Reaching, Scene, ScenePoint, Unknown
+from kfgen.gap.scene.newton import SceneFit
+from kfgen.gap.scene.posterior import level_sd_of_log
+from kfgen.gap.scene.scene import (
+    Integrating,
+    Linearised,
+    Placed,
+    Reaching,
+    Scene,
+    ScenePoint,
+    Unknown,
+    has_several_maxima,
+)
 from kfgen.gap.scene.screen import basis
 
 Array = NDArray[np.float64]
@@ -61,6 +71,11 @@ class TemperedScene:
     def noise_level_sd_of_log(self) -> float:
         """As of the scene."""
         return level_sd_of_log(self.scene)
+
+    @property
+    def has_several_maxima(self) -> bool:
+        """As of the scene."""
+        return has_several_maxima(self.scene)
 
     def residuals(self, points: Sequence[ScenePoint]) -> Array:
         """Of the scene, over the misfit."""

@@ -27,7 +27,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.scene.newton import SceneFit, over_levels
+from kfgen.gap.scene.newton import SceneFit
+from kfgen.gap.scene.posterior import over_levels
 from kfgen.gap.scene.proof import series
 from kfgen.gap.scene.scene import Scene
 

@@ -281,7 +281,10 @@ class Plant:
         """What every channel shows, each of shape (n, batch)."""
         t = task.t
         x = [X[:, i] for i in range(len(self.states))]
-        u = [s.at(t) if n in self._shown_inputs else np.zeros((1, 1)) for n, s in zip(self.inputs, task.signals)]
+        u = [
+            s.at(t) if n in self._shown_inputs else np.zeros((1, 1))
+            for n, s in zip(self.inputs, task.signals)
+        ]
         values = self.shows.values([*x, *u, *task.given])
         out = {}
         for name, value in zip(self.model.measurements, values):

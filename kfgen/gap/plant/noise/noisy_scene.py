@@ -23,7 +23,7 @@ from kfgen.gap.plant.noise.process_noises import NoisyPlant
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.sensor_errors import without_sensor_errors
 from kfgen.gap.scene.evidence import parameter_width
-from kfgen.gap.scene.newton import log_posterior
+from kfgen.gap.scene.posterior import log_posterior
 from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed, ScenePoint, start_of
 from kfgen.model.plant.plant import Run
