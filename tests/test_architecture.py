@@ -44,7 +44,6 @@ def functions(tree: ast.AST) -> list[ast.FunctionDef]:
     return [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
 
 
-@pytest.mark.long
 def test_files() -> None:
     assert {str(p.relative_to(ROOT)): said for p in FILES if (said := objections(p))} == {}
 

@@ -20,7 +20,6 @@ from kfgen.effects import make
 from kfgen.gap.scene import newton
 from kfgen.gap.scene.newton import (
     SceneFit,
-    best_start,
     coordinates,
     derivative,
     first_steps,
@@ -220,14 +219,6 @@ def test_three_channels_have_three_levels() -> None:
     assert log_posterior(three, np.concatenate(parts), np.zeros(0)) == pytest.approx(sum(values))
 
 
-def test_a_fit_begins_at_the_likeliest_of_several_points() -> None:
-    scene = Few(0.3 * A + 2.0 * BESIDE)
-    here, there, nowhere = (replace(at(line("a", 0.3)), unknowns=np.array([c])) for c in (-50.0, 1.0, np.nan))
-    assert best_start(scene, [here, there]) is best_start(scene, [there, here]) is there
-    assert best_start(scene, [nowhere, here]) is best_start(scene, [here, nowhere]) is here
-    assert best_start(scene, [here, replace(here)]) is here
-
-
 def test_a_linear_scene_is_solved_with_its_prior() -> None:
     """Levels at one by a narrow prior of theirs: normal equations with ``1 / sd^2`` at the unknown."""
 
@@ -350,6 +341,12 @@ class Winding(Few):
         return np.asarray(left - np.outer(BESIDE, [p.unknowns[0] for p in points]))
 
 
+class OfOneMaximum(Winding):
+    """The same, which is not known to have several."""
+
+    has_several_maxima = False
+
+
 def test_a_fit_from_several_starts_is_the_highest_of_their_fits() -> None:
     """As high as the best of the fits from each, whatever the order; a scene of one maximum begins at the likeliest."""
     scene = Winding(A + 1e-3 * B)
@@ -359,9 +356,13 @@ def test_a_fit_from_several_starts_is_the_highest_of_their_fits() -> None:
     for order in (starts, starts[::-1]):
         found = fitted_from(scene, order)
         assert found.value == pytest.approx(max(f.value for f in alone), abs=1e-3)
-    other = Few(3.0 * A, sd=1.0)
-    begun = [at(line("a", v)) for v in (9.0, 2.0)]
-    assert fitted_from(other, begun).value == fitted(other, begun[1]).value
+    highest = at(line("a", -0.4))  # at its foot
+    lower = min(alone, key=lambda f: f.value).point
+    other = OfOneMaximum(scene.y)
+    for order in ([lower, highest], [highest, lower]):
+        found = fitted_from(other, order)
+        assert found.value == fitted(other, lower).value
+        assert found.value < fitted(other, highest).value - 1.0
 
 
 # The screen.

@@ -39,7 +39,7 @@ from kfgen.gap.rest.trust import MAX_SHIFT_SD
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown, start_of
 from kfgen.log.log import Log
 from kfgen.model.plant.equations import unknown_deviation
-from kfgen.model.plant.plant import Batch, Plant, Run
+from kfgen.model.plant.plant import Batch, Plant, Run, effects_inside
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
@@ -47,8 +47,7 @@ Array = NDArray[np.float64]
 ASTRAY = 0.8
 """Share of the shortest segments that make up a record in which a model follows it nowhere."""
 MAX_PARTS_OF_ADDITIONS = 32
-"""Parts of a step at most that an addition may ask for: friction that stops a motion within a small part of a sample is as
-good as any that does so."""
+"""Parts of a step at most for an addition: friction that stops a motion within a small part of a sample is as good as any."""
 FAR_FROM_START = 4.0
 """Standard deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
 
@@ -313,8 +312,7 @@ class PlantScene:
 
     def _run(self, points: Sequence[ScenePoint], before: Mapping[str, Array] | None = None) -> Run:
         plant, batch = self._plant(points)
-        parts = self._parts.get(plant.kinds, 1)
-        batch = replace(batch, before=before or {})
+        batch, parts = replace(batch, before=before or {}), self._parts.get(plant.kinds, 1)
         run = plant.simulate(self.clock, self.inputs, batch, self.starts, parts, self._most)
         self._parts[plant.kinds] = run.substeps
         return run
@@ -328,20 +326,14 @@ class PlantScene:
 
     def _plant(self, points: Sequence[ScenePoint]) -> tuple[Plant, Batch]:
         """The plant with the effects of points, and the points as its columns."""
-        own = self._own()
-        kinds = (*((w, type(e)) for w, e in own), *kinds_of(points[0].placed))
-        return self._plants.setdefault(kinds, Plant(self.model, kinds)), self._batch(own, points)
+        own = [(w, type(e)) for w, e in effects_inside(self.model)]
+        kinds = (*own, *kinds_of(points[0].placed))
+        return self._plants.setdefault(kinds, Plant(self.model, kinds)), self._batch(points)
 
-    def _own(self) -> list[tuple[str, PlantEffect]]:
-        """The effects inside the plant that the model file has."""
-        found = [(a.where, a.effect) for a in self.model.dynamics_effects]
-        found += [(n, e) for n, m in self.model.measurements.items() for e in m.noise.effects]
-        return [(w, e) for w, e in found if isinstance(e, PlantEffect)]
-
-    def _batch(self, own: Sequence[tuple[str, PlantEffect]], points: Sequence[ScenePoint]) -> Batch:
+    def _batch(self, points: Sequence[ScenePoint]) -> Batch:
         """The points as columns."""
-        names = [u.name for u in self.unknowns]
-        return columns_of(self.model, self.doubted, (names, len(self.starts)), own, points)
+        unknowns = [u.name for u in self.unknowns], len(self.starts)
+        return columns_of(self.model, self.doubted, unknowns, effects_inside(self.model), points)
 
     def _left(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
         """Whitened measured less simulated values, as if all were known that may have begun, shape (sum of lengths, points)."""
@@ -359,7 +351,7 @@ class PlantScene:
 
     def _begun(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> list[Array]:
         """Whitened, what sensors and late inputs may have begun with, each of shape (sum of lengths, points)."""
-        batch = self._batch(self._own(), points)
+        batch = self._batch(points)
         found = of_sensors(self.recorded, batch, self.clock, shown)
         for name, size in unsettled(batch, self.inputs).items():
             own, source = distinct(points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1))
@@ -381,7 +373,7 @@ class PlantScene:
     @property
     def shooting(self) -> Shooting:
         """What the search for segments needs."""
-        own = tuple(self._own())
+        own = effects_inside(self.model)
         plant = Plant(self.model, [(w, type(e)) for w, e in own])
         weights = {n: 1.0 / r.noise for n, r in self.recorded.items()}
         data = {n: (r.at, r.values) for n, r in self.recorded.items()}
@@ -389,11 +381,11 @@ class PlantScene:
 
     def unreached(self, placed: Placed) -> str:
         """See `kfgen.gap.scene.scene.Reaching`."""
-        effect = placed.effect
-        if isinstance(effect, StateTerm) and effect.brakes and float(effect.term(1.0, None)) > 0.0:
+        e = placed.effect
+        if isinstance(e, StateTerm) and e.brakes and float(e.term(1.0, None)) > 0.0:
             plant, batch = self._plant([self.assumed()])
-            drives = does_drive(placed, plant, plant.given(batch), self.shooting.scale)
-            return f"{effect.title} does not drive" if drives else ""
+            if does_drive(placed, plant, plant.given(batch), self.shooting.scale):
+                return f"{e.title} does not drive"
         return unreached(placed, self.inputs, {n: r.values for n, r in self.recorded.items()})
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:

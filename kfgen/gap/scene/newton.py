@@ -233,7 +233,8 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
     steps : ndarray, shape (k + q,), optional
         Differences by which coordinates are varied.
     """
-    return _end(scene, _climbed(scene, [start], steps))
+    begun = _begun(scene, start, scene.residuals([start])[:, 0], steps)
+    return _end(scene, _climbed(scene, [begun]))
 
 
 def fitted_from(scene: Scene, starts: Sequence[ScenePoint]) -> SceneFit:
@@ -245,19 +246,18 @@ def fitted_from(scene: Scene, starts: Sequence[ScenePoint]) -> SceneFit:
     starts : sequence of ScenePoint
         With the same effects at the same places.
     """
-    if not has_several_maxima(scene):
-        return fitted(scene, best_start(scene, starts))
-    return _end(scene, _climbed(scene, starts))
+    climbs = [_begun(scene, s, residual) for s, residual in zip(starts, scene.residuals(starts).T)]
+    return _end(scene, _climbed(scene, climbs if has_several_maxima(scene) else [max(climbs, key=_likely)]))
 
 
-def _climbed(scene: Scene, starts: Sequence[ScenePoint], steps: Array | None = None) -> _Climb:
-    """The best of the fits from some starts, after all their steps."""
-    found = scene.residuals(starts)
-    climbs = []
-    for j, start in enumerate(starts):
-        value = log_posterior(scene, found[:, j], start.unknowns)
-        own = first_steps(start) if steps is None else steps
-        climbs.append(_Climb(start, found[:, j], value, value, own))
+def _begun(scene: Scene, start: ScenePoint, residual: Array, steps: Array | None = None) -> _Climb:
+    """A fit before its first step."""
+    value = log_posterior(scene, residual, start.unknowns)
+    return _Climb(start, residual, value, value, first_steps(start) if steps is None else steps)
+
+
+def _climbed(scene: Scene, climbs: Sequence[_Climb]) -> _Climb:
+    """The best of some fits, after all their steps."""
     for done in range(MAX_NEWTON_STEPS):
         climbs = _promising(climbs, done)
         there = [c for c in climbs if c.ends]
@@ -314,13 +314,6 @@ def _end(scene: Scene, climb: _Climb) -> SceneFit:
         J = over_levels(scene, J, levels)
     keys = keys_of(point.placed)
     return SceneFit(point, residual, levels, climb.value, _information(scene, J, len(keys)), keys, steps, J)
-
-
-def best_start(scene: Scene, starts: Sequence[ScenePoint]) -> ScenePoint:
-    """The likeliest of several points of the same effects at which a fit may begin; the first where none is likelier."""
-    found = scene.residuals(starts)
-    values = [log_posterior(scene, found[:, j], p.unknowns) for j, p in enumerate(starts)]
-    return starts[int(np.argmax(np.nan_to_num(values, nan=-np.inf)))]
 
 
 def _information(scene: Scene, J: Array, k: int) -> Array:

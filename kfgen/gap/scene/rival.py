@@ -19,11 +19,9 @@ from kfgen.gap.scene.newton import SceneFit
 from kfgen.gap.scene.posterior import over_levels
 from kfgen.gap.scene.proof import series
 from kfgen.gap.scene.scene import Scene
+from kfgen.gap.scene.unevenness import BLOCKS, stretches
 
 Array = NDArray[np.float64]
-
-STRETCHES = 16
-"""Of equal length, into which a log is cut."""
 
 
 def log_odds(scene: Scene, best: SceneFit, rival: SceneFit, lost: float) -> float:
@@ -37,10 +35,10 @@ def log_odds(scene: Scene, best: SceneFit, rival: SceneFit, lost: float) -> floa
     lost : float
         Evidence that the rival has less.
     """
-    if min(scene.lengths) < STRETCHES or not lost > 0.0:
+    if min(scene.lengths) < BLOCKS or not lost > 0.0:
         return lost
     gained = _by_stretch(scene, best) - _by_stretch(scene, rival)
-    sd = float(np.sqrt(STRETCHES) * np.std(gained, ddof=1))
+    sd = float(np.sqrt(BLOCKS) * np.std(gained, ddof=1))
     z = lost / sd if sd > 0.0 else np.inf
     return float(min(lost, norm.logcdf(z) - norm.logsf(z)))
 
@@ -48,6 +46,5 @@ def log_odds(scene: Scene, best: SceneFit, rival: SceneFit, lost: float) -> floa
 def _by_stretch(scene: Scene, fit: SceneFit) -> Array:
     """Log-likelihood of a fit in each stretch, shape (stretches,)."""
     left = series(scene, over_levels(scene, fit.residual, fit.levels))
-    parts = np.split(left, np.cumsum(scene.lengths)[:-1])
-    each = [-0.5 * x**2 - np.log(s) for x, s in zip(parts, fit.levels.tolist())]
-    return np.asarray(sum(np.array([p.sum() for p in np.array_split(x, STRETCHES)]) for x in each))
+    each = -0.5 * left**2 - np.log(np.repeat(fit.levels, scene.lengths))
+    return np.asarray(np.bincount(stretches(scene.lengths), each, BLOCKS), dtype=np.float64)

@@ -97,9 +97,19 @@ def _scatter(scene: Scene, fit: SceneFit, J: Array, H: Array, C: Array, parted: 
     return wider
 
 
-def _of_equal_time(lengths: Sequence[int], J: Array) -> Blocks:
-    """Block of each reading, shape (N,): stretches of the log."""
+def stretches(lengths: Sequence[int]) -> Blocks:
+    """Block of each reading, shape (N,): stretches of the log of equal length.
+
+    Parameters
+    ----------
+    lengths : sequence of int
+        Readings of each channel.
+    """
     return np.concatenate([np.arange(n) * BLOCKS // n for n in lengths])
+
+
+def _of_equal_time(lengths: Sequence[int], J: Array) -> Blocks:
+    return stretches(lengths)
 
 
 def _alike(lengths: Sequence[int], J: Array) -> Blocks:

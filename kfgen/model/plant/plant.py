@@ -313,6 +313,18 @@ def _common(nodes: Sequence[Array], steps: int) -> Array:
     return np.ascontiguousarray(np.stack([np.broadcast_to(v, shape) for v in nodes]))
 
 
+def effects_inside(model: UserModel) -> tuple[tuple[str, PlantEffect], ...]:
+    """Where effects act that a model has inside its plant, and these.
+
+    Parameters
+    ----------
+    model : UserModel
+    """
+    found = [(a.where, a.effect) for a in model.dynamics_effects]
+    found += [(n, e) for n, m in model.measurements.items() for e in m.noise.effects]
+    return tuple((w, e) for w, e in found if isinstance(e, PlantEffect))
+
+
 def simulate(
     model: UserModel, t: Array, inputs: Mapping[str, Array], initial: Mapping[str, float] | None = None
 ) -> Run:
@@ -337,9 +349,7 @@ def simulate(
     missing = [n for n in model.inputs if n not in inputs]
     if missing:
         raise InputError(f"the input '{missing[0]}' of {model.name} is missing", where=model.path)
-    own = [(a.where, a.effect) for a in model.dynamics_effects]
-    own += [(n, e) for n, m in model.measurements.items() for e in m.noise.effects]
-    effects = tuple((w, e) for w, e in own if isinstance(e, PlantEffect))
+    effects = effects_inside(model)
     start = {n: s.initial for n, s in model.states.items()} | dict(initial or {})
     X0 = np.array([start[n] for n in model.states], dtype=np.float64).reshape(1, len(model.states), 1)
     batch = Batch({n: np.array([p.value]) for n, p in model.parameters.items()}, effects, X0)
