@@ -25,9 +25,9 @@ from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.scene.addition import ranked
 from kfgen.gap.scene.evidence import evidence
 from kfgen.gap.scene.explanation import explained
-from kfgen.gap.scene.newton import coordinates, derivative, fitted, moved
+from kfgen.gap.scene.newton import derivative, fitted
 from kfgen.gap.scene.posterior import NOISE_LEVEL_SD_OF_LOG, levels_of, log_posterior
-from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown, coordinates, moved
 from kfgen.gap.scene.scene_gap import scene_gap
 from kfgen.gap.scene.screen import screen
 from kfgen.log.log import Channel, Log

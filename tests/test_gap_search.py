@@ -37,7 +37,7 @@ from kfgen.gap.core.search import (
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, SearchLimits
 from kfgen.gap.rest import explanation
 from kfgen.gap.scene import explanation as scene_explanation
-from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS
+from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, SHORT_LIMITS
 
 LIMITS = explanation.search_limits()
 """Those of a channel at rest."""
@@ -153,7 +153,9 @@ def test_the_thresholds_of_the_worlds() -> None:
     assert SearchLimits(8, 1.0, 3.0, 1.0, 3) == LIMITS
     assert explanation.search_limits(6).min_first_evidence_nats == pytest.approx(2.7918, abs=1e-4)
     assert SearchLimits(10, 1.0, 3.0, 1.0, 3) == scene_explanation.LIMITS
+    assert SearchLimits(4, 1.0, 3.0, 1.0, 0) == SHORT_LIMITS
     assert SearchLimits(4, 0.0, 3.0, 1.0, 0, first_counts_rivals=True) == FIRST_LIMITS
+    assert SearchLimits(4, 1.0, 3.0, 1.0, 1) == scene_explanation.LIMITS_UNDER_MISFIT
 
 
 @pytest.mark.parametrize(("evidence", "found"), [(0.99, []), (1.01, ["a"]), (5.0, ["a"])])

@@ -23,8 +23,8 @@ from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.plan_between import WANTED_NATS, BetweenPlan, ManoeuvreNats
 from kfgen.gap.scene.addition import relinearised
-from kfgen.gap.scene.newton import fitted, keys_of
-from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, ScenePoint, keys_of
 from kfgen.log.log import Log
 from kfgen.manoeuvre.composed import at_speed, course, followed_by
 from kfgen.manoeuvre.flight import ManoeuvreMotion

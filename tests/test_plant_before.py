@@ -17,7 +17,7 @@ from click.testing import Result
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from kfgen.effects.plant.terms import InputDelay, InputLag
+from kfgen.effects.plant.terms import InputDelay, InputLag, Saturation
 from kfgen.model.plant.signal import Signal
 
 Array = NDArray[np.float64]
@@ -104,6 +104,23 @@ def test_what_is_the_same_is_as_probable(on: float, asked: Callable[..., Any]) -
     assert (
         step["probability"] < 0.75
     )  # by symmetry a half; priors of what was before differ by less than a nat
+
+
+@pytest.mark.parametrize("is_held", [True, False])
+def test_columns_that_are_alike_are_computed_once(is_held: bool) -> None:
+    """What acts in each column is what acts in a signal of that column alone, and alike columns are one."""
+    t, u = np.arange(9) * 0.1, np.array([1.0, 2.0, -1.0, 0.5, 0.5, 3.0, 0.0, 1.0, 2.0])
+    late, lag = np.array([0.2, 0.37, 0.2, 0.2]), np.array([0.3, 0.3, 0.3, 0.1])
+    before = np.array([0.0, -1.0, 0.0, 0.0])
+    signal = Signal.of(t, u, is_held, [InputDelay(late), InputLag(lag), Saturation(np.full(4, 1.5))], before)
+    assert signal.before.size == 3  # the first column and the third are alike
+    times = np.linspace(0.0, 0.8, 33)
+    for j in range(4):
+        changes = [InputDelay(late[j]), InputLag(lag[j]), Saturation(1.5)]
+        alone = Signal(t, u, is_held, changes, before[j : j + 1])
+        assert signal.nodes(0, 8, 3)[..., j] == pytest.approx(alone.nodes(0, 8, 3)[..., 0], abs=1e-12)
+        assert signal.at(times)[:, j] == pytest.approx(alone.at(times)[:, 0], abs=1e-12)
+    assert signal.samples == pytest.approx(np.tile(np.minimum(u, 1.5)[:, None], 4))
 
 
 @pytest.mark.parametrize("change", [InputDelay(0.37), InputLag(0.3)])

@@ -6,6 +6,8 @@ No statistics: a model of another plant, and simulations far beyond the data.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -141,3 +143,50 @@ def test_freedom_with_which_a_fit_goes_astray_is_not_given(
     monkeypatch.setattr(PlantScene, "refuted", lambda _: (Placed(ParameterError(0.0), "early"),))
     monkeypatch.setattr(PlantScene, "held", lambda *_: scene)
     assert answered(scene, noise_first=False).fit is (fit if kept else anew)
+
+
+@pytest.mark.parametrize(
+    ("whole_left", "pieces_left", "asked", "kept"),
+    [
+        (0.05, 0.01, ["whole"], "whole"),
+        (0.3, 0.2, ["whole", "pieces"], "pieces"),
+        (0.3, 0.4, ["whole", "pieces"], "whole"),
+    ],
+)
+def test_a_log_that_one_simulation_follows_is_not_cut(
+    whole_left: float, pieces_left: float, asked: list[str], kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In pieces only where one simulation leaves more than a tenth of the log's power; then what leaves less is kept."""
+    left = {"whole": whole_left, "pieces": pieces_left}
+
+    class Pieces:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def in_one_piece(self) -> Pieces | None:
+            return Pieces("whole") if self.name == "pieces" else None
+
+        def free_run(self, _: object) -> float:
+            return left[self.name]
+
+    names: list[str] = []
+
+    def explain(scene: Pieces, **_: bool) -> SimpleNamespace:
+        names.append(scene.name)
+        return SimpleNamespace(name=scene.name, fit=SimpleNamespace(point=None))
+
+    monkeypatch.setattr(assumed_parameters, "_answered", explain)
+    answer: Any = answered(Pieces("pieces"))  # type: ignore[arg-type]
+    assert (names, answer.name) == (asked, kept)
+
+
+def test_the_share_of_its_power_that_a_simulation_leaves(scene: PlantScene) -> None:
+    """Nothing of itself, all of it of its mean, a quarter of half of it; of a constant channel, over its noise."""
+    recorded = scene.recorded["speed"]
+    mean, n = float(np.mean(recorded.values)), scene.log.n
+    simulated = np.full((n, 1), mean)
+    assert recorded.share_left(simulated) == pytest.approx(1.0)
+    simulated[recorded.at, 0] = mean + 0.5 * (recorded.values - mean)
+    assert recorded.share_left(simulated) == pytest.approx(0.25)
+    still = replace(recorded, values=np.zeros_like(recorded.values))
+    assert still.share_left(np.full((n, 1), 2.0 * still.noise)) == pytest.approx(4.0)

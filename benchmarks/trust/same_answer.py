@@ -126,10 +126,10 @@ SAME_ANSWER: tuple[tuple[str, str, str, str], ...] = (
         "a limit of a step, one percent further",
     ),
     ("kfgen/gap/scene/newton.py", "1e-8, 1e8)", "100000000.0 -> 100000001.0", ROUNDING),
-    ("kfgen/gap/scene/newton.py", "return self.gain < max(GAIN_TOLERANCE_NATS", "", ENDS),
+    ("kfgen/gap/scene/newton.py", "tolerance = max(GAIN_TOLERANCE_NATS", "", ENDS),
     (
         "kfgen/gap/scene/newton.py",
-        "if climb.gain > GAIN_TOLERANCE_NATS:",
+        "if climb.gain > climb.coarse * GAIN_TOLERANCE_NATS:",
         "",
         "the derivatives of the point, or of one that is as good to a few thousandths of a nat",
     ),

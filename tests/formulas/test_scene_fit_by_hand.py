@@ -18,18 +18,9 @@ from numpy.typing import NDArray
 
 from kfgen.effects import make
 from kfgen.gap.scene import newton
-from kfgen.gap.scene.newton import (
-    SceneFit,
-    coordinates,
-    derivative,
-    first_steps,
-    fitted,
-    fitted_from,
-    keys_of,
-    moved,
-)
+from kfgen.gap.scene.newton import SceneFit, derivative, first_steps, fitted, fitted_from
 from kfgen.gap.scene.posterior import level_sd_of_log, levels_of, log_posterior, over_levels
-from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown, coordinates, keys_of, moved
 from kfgen.gap.scene.screen import Screened, _claims, _own, basis, new_columns, orthogonal_part, screen
 
 Array = NDArray[np.float64]
@@ -188,6 +179,22 @@ def test_steps_that_are_seen_are_kept() -> None:
     for change, kept in ((0.002, True), (9.9, True), (0.0005, False), (11.0, False)):
         _, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.array([change / size]))
         assert steps[0] == pytest.approx((change if kept else 0.1) / size)
+
+
+def test_only_what_no_step_showed_is_differentiated_again() -> None:
+    """Of two coordinates one moves the residuals visibly at once: the other alone, and the point, come again."""
+    asked = []
+
+    class Counted(Few):
+        def residuals(self, points: Sequence[ScenePoint]) -> Array:
+            asked.append(len(points))
+            return super().residuals(points)
+
+    scene, point = Counted(A), at(line("a", 1.0), c=0.5)
+    J, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.array([0.1, 1e-9]))
+    assert asked == [1, 3, 2]
+    assert steps[0] == 0.1
+    assert pytest.approx(-np.column_stack([A, BESIDE]), rel=1e-4, abs=1e-5) == J
 
 
 def test_without_numbers_there_is_no_derivative() -> None:
@@ -354,15 +361,38 @@ def test_a_fit_from_several_starts_is_the_highest_of_their_fits() -> None:
     alone = [fitted(scene, s) for s in starts]
     assert max(f.value for f in alone) - min(f.value for f in alone) > 1.0
     for order in (starts, starts[::-1]):
-        found = fitted_from(scene, order)
+        found = fitted_from(scene, order, alone[0])
         assert found.value == pytest.approx(max(f.value for f in alone), abs=1e-3)
     highest = at(line("a", -0.4))  # at its foot
     lower = min(alone, key=lambda f: f.value).point
     other = OfOneMaximum(scene.y)
     for order in ([lower, highest], [highest, lower]):
-        found = fitted_from(other, order)
-        assert found.value == fitted(other, lower).value
+        found = fitted_from(other, order, fitted(other, highest))
+        assert found.value == pytest.approx(fitted(other, lower).value, abs=1e-3)
         assert found.value < fitted(other, highest).value - 1.0
+
+
+def test_a_trial_ends_where_it_cannot_come_high_enough() -> None:
+    """What would have to be far higher than it may become ends after two steps; what may ends near its maximum."""
+    scene = Few(np.r_[np.zeros(8), np.exp(-TIME[8:] / 3.0)])
+    far, near = at(lag(300.0)), fitted(scene, at())
+    there = fitted_from(scene, [far], near).value
+    assert fitted_from(scene, [far], near, least=there - 1.0).value == pytest.approx(there, abs=0.05)
+    assert fitted_from(scene, [far], near, least=there + 1e6).value < there - 1e-3
+
+
+def test_fits_at_the_same_place_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Residuals that differ by less than a third of a standard deviation in all: whatever the numbers are."""
+    scene = Winding(A + 1e-3 * B)
+    climbs = [
+        newton._begun(scene, p, scene.residuals([p])[:, 0])
+        for p in map(at, map(line, "aaa", (0.1, 0.12, 2.2)))
+    ]
+    size = float(np.linalg.norm(climbs[0].residual - climbs[1].residual))
+    assert size > 0.0
+    for limit, kept in ((0.9 * size, 3), (1.1 * size, 2)):
+        monkeypatch.setattr(newton, "SAME_PLACE_SD", limit)
+        assert len(newton._promising(climbs, 0)) == kept
 
 
 # The screen.

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects.inertial.lag import MOST_UNHEARD, Lag
 from kfgen.gap.flight.scene import FlightScene
-from kfgen.gap.scene.newton import coordinates, derivative, first_steps, is_signed, keys_of, moved
-from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.newton import derivative, first_steps
+from kfgen.gap.scene.scene import Placed, ScenePoint, coordinates, is_signed, keys_of, moved
 from kfgen.gap.scene.screen import basis, orthogonal_part
 
 Array = NDArray[np.float64]

@@ -38,6 +38,15 @@ class RecordedChannel:
         """Standard deviation of the white noise of a sample [SI]."""
         return 1.0 / float(self.whitener.weight[-1])
 
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of its values [SI]."""
+        return float(np.std(self.values))
+
+    def share_left(self, simulated: Array) -> float:
+        """Share of its power that a simulation, of shape (n, 1), leaves."""
+        return float(np.mean(self.left(simulated) ** 2)) / max(self.deviation, self.noise) ** 2
+
     def left(self, simulated: Array) -> Array:
         """Measured less simulated, shape (n, points), finite even where the simulation is not."""
         far = MAX_DISTANCE_SD * max(float(np.ptp(self.values)), self.noise)

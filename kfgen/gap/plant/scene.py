@@ -242,7 +242,7 @@ class PlantScene:
         unknowns = np.concatenate([states.ravel(), point.unknowns[k * segs :]])
         whole = replace(self, starts=(0, *self._anew), initial=self.initial[:few])
         run = whole.simulated(ScenePoint(point.placed, unknowns))
-        return sum(rms(r.left(run.channels[n])[:, 0] / r.noise) ** 2 for n, r in self.recorded.items())
+        return float(np.mean([r.share_left(run.channels[n][:, :1]) for n, r in self.recorded.items()]))
 
     def held(self, names: Collection[str]) -> PlantScene:
         """See `kfgen.gap.scene.scene.Trusting`."""
@@ -392,7 +392,7 @@ class PlantScene:
         """Every effect at every place where it makes sense, with start values from the assumed motion."""
         run = self.simulated(self.assumed())
         speeds = {n: rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
-        seen = {n: (rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
+        seen = {n: (r.deviation, r.noise) for n, r in self.recorded.items()}
         times = self.dt, self.span[1] - self.span[0], self.late
         found = additions(self.model, self.inputs, speeds, seen, times, placed)
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}

@@ -18,9 +18,9 @@ from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.core.search import Label, likeliest_first
 from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.evidence import evidence, evidence_over_widths, time_limits
-from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, fitted_from
+from kfgen.gap.scene.newton import SceneFit, fitted, fitted_from
 from kfgen.gap.scene.proof import unreached
-from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint, has_several_maxima
+from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint, coordinates, has_several_maxima
 from kfgen.gap.scene.screen import Screened
 from kfgen.gap.scene.tempered_scene import TemperedScene
 from kfgen.gap.scene.unevenness import unevenness_of_effect
@@ -39,6 +39,9 @@ FAR_ROUNDS = 2
 """Linearisations by which they are weighed, at most: a turn by some degrees is a sum of small ones after the second only."""
 FITTED_ADDITIONS = 8
 """Additions that are fitted, the best of the screen."""
+
+FAR_BELOW_NATS = 30.0
+"""Below the best addition, or half of what that gains, from where on another one need not be fitted to its end."""
 
 MIN_SCREEN_GAIN_NATS = 1.0
 """Linear gain below which an addition is not fitted."""
@@ -139,6 +142,7 @@ def ranked(
         return []
     every = [o.start for o in others] + ([known.placed] if known is not None else [])
     trials = [known] if known is not None else []
+    highest = base.value if known is None else known.fit.value
     for o in others[: FITTED_ADDITIONS if known is None else FITTED_ADDITIONS // 2]:
         if o.gain < MIN_SCREEN_GAIN_NATS:
             continue
@@ -146,7 +150,9 @@ def ranked(
             break
         starts = o.starts if has_several_maxima(scene) else [o.start]
         begun = [ScenePoint((*base.point.placed, s), base.point.unknowns) for s in starts]
-        fit = _itself(scene, fitted_from(scene, begun))
+        least = max(base.value + cost_of(o.start, every), highest - _far_below(highest - base.value))
+        fit = _itself(scene, fitted_from(scene, begun, base, least))
+        highest = max(highest, fit.value)
         if not _blind(base, fit) and not unreached(scene, fit):
             trials.append(FittedAddition(fit.point.placed[-1], fit, 0.0, 0.0, o.direction))
     reference, found = evidence(scene, base), []
@@ -157,6 +163,11 @@ def ranked(
         found.append(replace(t, gain=gain, cost=cost, even_share=share))
     by_gain = sorted(found, key=lambda t: -t.gain)
     return likeliest_first(_weighed_about_themselves(scene, by_gain, known))
+
+
+def _far_below(gain: float) -> float:
+    """How far below an addition of such a gain others are beyond competition, though it be made smaller by misfit [nats]."""
+    return max(FAR_BELOW_NATS, 0.5 * gain)
 
 
 def _even_shares(scene: Scene, base: SceneFit, trials: Sequence[FittedAddition]) -> list[float]:

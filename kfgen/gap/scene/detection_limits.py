@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
-from kfgen.gap.scene.newton import SceneFit, is_signed, keys_of
-from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
+from kfgen.gap.scene.newton import SceneFit
+from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, is_signed, keys_of
 from kfgen.gap.scene.screen import MIN_OWN_SHARE, basis, new_columns, orthogonal_part
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from kfgen.effects import Effect
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.rest.evidence import TIME_LIMITS
-from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed, keys_of
+from kfgen.gap.scene.newton import SceneFit
 from kfgen.gap.scene.posterior import log_posterior
-from kfgen.gap.scene.scene import HasWidths, Integrating, Placed, Scene
+from kfgen.gap.scene.scene import HasWidths, Integrating, Placed, Scene, coordinates, is_signed, keys_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
 

@@ -34,13 +34,15 @@ from kfgen.gap.scene.evidence import evidence, evidence_over_widths
 from kfgen.gap.scene.newton import SceneFit, fitted, fitted_from
 from kfgen.gap.scene.proof import unproven
 from kfgen.gap.scene.rival import log_odds
-from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, start_of
+from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
 Array = NDArray[np.float64]
 
 LIMITS = SearchLimits(max_effects=10)
+LIMITS_UNDER_MISFIT = replace(LIMITS, max_effects=4, max_iterations=1)
+"""While more is there than noise: a longer list explains a misfit, and the search for it took more than ten minutes of two real logs of three."""
 UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
 NEARLY_THE_SAME_MIN_COS2 = 0.9
@@ -98,7 +100,11 @@ class SceneExplanation:
             All that competed, itself among them.
         """
         chosen = (*self.chosen, _chosen(self.scene, replace(addition, about=None), ranked))
-        scene, fit = relinearised(*(addition.about or (self.scene, addition.fit)))
+        scene, fit = addition.about or (self.scene, addition.fit)
+        if isinstance(scene, Linearised):
+            scene, fit = relinearised(scene, fit)
+        else:  # a trial's maximum is coarse
+            fit = fitted(scene, fit.point, fit.steps)
         return SceneExplanation(scene, fit, with_values(chosen, fit), self.refused)
 
     def merged(self, addition: FittedAddition) -> SceneExplanation | None:
@@ -130,7 +136,7 @@ class SceneExplanation:
         """
         placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
         begun = [self.fit.point.unknowns, start_of(self.scene).unknowns]
-        fit = fitted_from(self.scene, [ScenePoint(placed, x) for x in begun])
+        fit = fitted_from(self.scene, [ScenePoint(placed, x) for x in begun], self.fit)
         left = self.chosen[:index] + self.chosen[index + 1 :]
         return SceneExplanation(self.scene, fit, with_values(left, fit), self.refused)
 

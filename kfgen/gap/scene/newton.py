@@ -9,7 +9,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -17,25 +17,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.time_budget import fit_is_over
-from kfgen.effects import Effect
-from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.scene.posterior import levels_of, log_posterior, over_levels, pulls, weights
-from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, has_several_maxima
+from kfgen.gap.scene.scene import (
+    Key,
+    Scene,
+    ScenePoint,
+    coordinates,
+    has_several_maxima,
+    in_logarithms,
+    keys_of,
+    moved,
+)
 
 Array = NDArray[np.float64]
 
 MAX_NEWTON_STEPS = 15
 CLIMBS_KEPT = ((4, 2), (2, 3), (0, 100))
 """Steps after which no more than so many of the fits from several starts go on."""
-SAME_PLACE_NATS = 1e-2
-"""Difference of two fits, and relative one of all their coordinates, below which they have come to the same place."""
-SAME_PLACE_SHARE = 1e-3
+SAME_PLACE_SD = 0.3
+"""Norm of the difference of the residuals of two fits, in standard deviations, below which they are at the same place."""
 DAMPING_FACTORS = (1.0, 1e2, 1e4, 1e6)
 """By which the damping of a step is tried larger."""
 GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
 GAIN_TOLERANCE_SHARE = 1e-5
 """Or this share of what the fit gained in all."""
+TRIAL_TOLERANCE_TIMES = 10.0
+"""By how much coarser the maximum of a trial is, which is fitted again where it is chosen."""
 DIFFERENCE_STEP_SD = 0.1
 """Change of the residuals [standard deviations] by which they are differentiated."""
 MAX_RELATIVE_STEP = 1e12
@@ -46,8 +54,6 @@ MAX_LINEAR_LOG_STEP = 0.1
 """Step in a logarithm from which on it is no longer one in the number itself."""
 MIN_INFORMATION_SHARE = 1e-12
 """Information along a direction, over that of single coordinates, below which there is none."""
-
-Key = tuple[int, str]
 
 
 @dataclass(frozen=True)
@@ -90,48 +96,6 @@ class SceneFit:
         return np.asarray(inverse / np.outer(scale, scale))
 
 
-def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
-    """The parameters that are fitted."""
-    return tuple((i, p.name) for i, x in enumerate(placed) for p in free(x.effect) if p.name not in x.held)
-
-
-def is_signed(effect: Effect, name: str) -> bool:
-    """Whether a parameter is fitted as it is, and not in its logarithm.
-
-    Parameters
-    ----------
-    effect : Effect
-    name : str
-        Of its parameter.
-    """
-    return {p.name: p.kind for p in effect.parameters()}[name] == "signed"
-
-
-def coordinates(point: ScenePoint) -> Array:
-    """Parameters and unknowns as they are fitted, shape (p,)."""
-    x = []
-    for i, name in keys_of(point.placed):
-        value = float(getattr(point.placed[i].effect, name))
-        x.append(value if is_signed(point.placed[i].effect, name) else float(np.log(max(value, 1e-300))))
-    return np.concatenate([np.array(x), point.unknowns])
-
-
-def moved(point: ScenePoint, x: Array) -> ScenePoint:
-    """The point at these coordinates.
-
-    Parameters
-    ----------
-    point : ScenePoint
-    x : ndarray, shape (k + q,)
-        Coordinates of the effects' parameters, then the unknowns [SI].
-    """
-    placed, keys = list(point.placed), keys_of(point.placed)
-    for (i, name), v in zip(keys, x.tolist()):
-        value = v if is_signed(placed[i].effect, name) else float(np.exp(min(v, 690.0)))
-        placed[i] = replace(placed[i], effect=replace(placed[i].effect, **{name: value}))
-    return ScenePoint(tuple(placed), np.asarray(x[len(keys) :]))
-
-
 def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -> tuple[Array, Array]:
     """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,).
 
@@ -154,13 +118,16 @@ def _derivatives(
     scene: Scene, points: Sequence[ScenePoint], steps: Sequence[Array]
 ) -> list[tuple[Array, Array]]:
     """The same of several points of the same effects."""
-    steps, change = list(steps), [np.zeros(0)] * len(points)
-    asked = list(range(len(points)))
+    steps, change = [h.copy() for h in steps], [np.empty((0, 0))] * len(points)
+    asked = {j: np.arange(h.size) for j, h in enumerate(steps)}
     for is_last in (False, False, True):
-        for j, moves in zip(asked, _changes(scene, [points[j] for j in asked], [steps[j] for j in asked])):
-            change[j] = moves
+        for j, moves in zip(asked, _changes(scene, points, steps, asked)):
+            if change[j].size:
+                change[j][:, asked[j]] = moves
+            else:
+                change[j] = moves
         better = {j: _better_steps(points[j], steps[j], change[j]) for j in asked if not is_last}
-        asked = [j for j, h in better.items() if h is not steps[j]]
+        asked = {j: np.flatnonzero(h != steps[j]) for j, h in better.items() if (h != steps[j]).any()}
         for j in asked:
             steps[j] = better[j]
         if not asked:
@@ -168,15 +135,20 @@ def _derivatives(
     return [(np.asarray(c / h), h) for c, h in zip(change, steps)]
 
 
-def _changes(scene: Scene, points: Sequence[ScenePoint], steps: Sequence[Array]) -> list[Array]:
-    """How far residuals move when each coordinate moves by its step, each of shape (N, p)."""
+def _changes(
+    scene: Scene,
+    points: Sequence[ScenePoint],
+    steps: Sequence[Array],
+    asked: Mapping[int, NDArray[np.intp]],
+) -> list[Array]:
+    """How far residuals move when coordinates move by their steps, of the points that are asked for, each of shape (N, k)."""
     every: list[ScenePoint] = []
-    for point, h in zip(points, steps):
-        x = coordinates(point)
+    for j, which in asked.items():
+        x = coordinates(points[j])
         # The point itself once more: a simulation is as fine as all its columns ask for.
-        every += [point, *(moved(point, x + step * e) for step, e in zip(h, np.eye(x.size)))]
-    found = np.split(scene.residuals(every), np.cumsum([1 + h.size for h in steps])[:-1], axis=1)
-    return [R[:, 1:] - R[:, :1] for R in found]
+        every += [points[j], *(moved(points[j], x + steps[j] * e) for e in np.eye(x.size)[which])]
+    ends = np.cumsum([1 + which.size for which in asked.values()])[:-1]
+    return [R[:, 1:] - R[:, :1] for R in np.split(scene.residuals(every), ends, axis=1)]
 
 
 def _better_steps(point: ScenePoint, steps: Array, change: Array) -> Array:
@@ -187,14 +159,9 @@ def _better_steps(point: ScenePoint, steps: Array, change: Array) -> Array:
         return steps
     better = steps * np.clip(DIFFERENCE_STEP_SD / np.maximum(size, 1e-12), 1e-8, 1e8)
     better = np.minimum(better, MAX_RELATIVE_STEP * np.maximum(np.abs(coordinates(point)), 1.0))
-    logs = _logs(point)
+    logs = in_logarithms(point)
     better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
     return np.where(good, steps, better)
-
-
-def _logs(point: ScenePoint) -> NDArray[np.bool_]:
-    """Of each parameter, whether it is fitted in its logarithm."""
-    return np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
 
 
 def first_steps(point: ScenePoint) -> Array:
@@ -205,7 +172,10 @@ def first_steps(point: ScenePoint) -> Array:
 
 @dataclass(frozen=True)
 class _Climb:
-    """A fit on its way: where it is, the steps of its derivatives, these at the point before, what the last step gained."""
+    """A fit on its way: where it is, the steps of its derivatives, these at the point before, what the last step gained.
+
+    Its tolerance is `coarse` times that of others, and it ends where it cannot come to `least`.
+    """
 
     point: ScenePoint
     residual: Array
@@ -215,11 +185,14 @@ class _Climb:
     damping: float = 1e-6
     gain: float = np.inf
     jacobian: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    coarse: float = 1.0
+    least: float = -np.inf
 
     @property
     def ends(self) -> bool:
         """Whether its last step gained as good as nothing."""
-        return self.gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (self.value - self.begun))
+        tolerance = max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (self.value - self.begun))
+        return self.gain < self.coarse * tolerance
 
 
 def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> SceneFit:
@@ -237,7 +210,9 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
     return _end(scene, _climbed(scene, [begun]))
 
 
-def fitted_from(scene: Scene, starts: Sequence[ScenePoint]) -> SceneFit:
+def fitted_from(
+    scene: Scene, starts: Sequence[ScenePoint], near: SceneFit, least: float | None = None
+) -> SceneFit:
     """The same from several starts: from the likeliest; where a fit may end at another maximum, from all of them at once.
 
     Parameters
@@ -245,9 +220,27 @@ def fitted_from(scene: Scene, starts: Sequence[ScenePoint]) -> SceneFit:
     scene : Scene
     starts : sequence of ScenePoint
         With the same effects at the same places.
+    near : SceneFit
+        With an effect more or fewer: what both have is varied by the same differences.
+    least : float, optional
+        Of a trial, whose maximum may be coarse: the log-posterior that it must come to, else it ends.
     """
-    climbs = [_begun(scene, s, residual) for s, residual in zip(starts, scene.residuals(starts).T)]
+    found = scene.residuals(starts).T
+    climbs = [_begun(scene, s, residual, _steps_of(near, s)) for s, residual in zip(starts, found)]
+    if least is not None:
+        climbs = [replace(c, least=least, coarse=TRIAL_TOLERANCE_TIMES) for c in climbs]
     return _end(scene, _climbed(scene, climbs if has_several_maxima(scene) else [max(climbs, key=_likely)]))
+
+
+def _steps_of(near: SceneFit, start: ScenePoint) -> Array:
+    """The steps of a fit for the coordinates that a point has as well, shape (p,)."""
+    own = near.point.placed
+    known = {(own[i].effect.name, own[i].where, n): h for (i, n), h in zip(near.keys, near.steps.tolist())}
+    steps, keys = first_steps(start), keys_of(start.placed)
+    for c, (i, n) in enumerate(keys):
+        steps[c] = known.get((start.placed[i].effect.name, start.placed[i].where, n), steps[c])
+    steps[len(keys) :] = near.steps[len(near.keys) :]
+    return steps
 
 
 def _begun(scene: Scene, start: ScenePoint, residual: Array, steps: Array | None = None) -> _Climb:
@@ -272,18 +265,17 @@ def _likely(climb: _Climb) -> float:
 
 
 def _promising(climbs: Sequence[_Climb], done: int) -> list[_Climb]:
-    """Those that are high enough after so many steps to be the highest at the end, each place once."""
+    """Those that are high enough after so many steps to be the highest at the end, each place once.
+
+    What cannot come high enough ends where it is.
+    """
     best = sorted(climbs, key=_likely, reverse=True)[: next(k for n, k in CLIMBS_KEPT if done >= n)]
     out: list[_Climb] = []
     for c in best:
-        left = c.gain * (MAX_NEWTON_STEPS - done) if done >= CLIMBS_KEPT[0][0] else np.inf
-        same = any(
-            abs(c.value - o.value) < SAME_PLACE_NATS
-            and np.allclose(coordinates(c.point), coordinates(o.point), SAME_PLACE_SHARE)
-            for o in out
-        )
-        if not out or (not same and c.value + left > out[0].value):
-            out.append(c)
+        left = c.gain * (MAX_NEWTON_STEPS - done) if done >= CLIMBS_KEPT[1][0] else np.inf
+        same = any(float(np.linalg.norm(c.residual - o.residual)) < SAME_PLACE_SD for o in out)
+        if not out or (not same and (done < CLIMBS_KEPT[0][0] or c.value + left > out[0].value)):
+            out.append(c if c.value + left >= c.least else replace(c, gain=0.0))
     return out
 
 
@@ -309,7 +301,8 @@ def _end(scene: Scene, climb: _Climb) -> SceneFit:
     """What was reached, with the derivatives there."""
     point, residual, J, steps = climb.point, climb.residual, climb.jacobian, climb.steps
     levels = levels_of(scene, residual)
-    if climb.gain > GAIN_TOLERANCE_NATS:  # else the derivatives are those of the point, or of one as good
+    # Where the last step gained next to nothing the derivatives are those of the point, or of one that is as good.
+    if climb.gain > climb.coarse * GAIN_TOLERANCE_NATS:
         J, steps = derivative(scene, point, residual, steps)
         J = over_levels(scene, J, levels)
     keys = keys_of(point.placed)
@@ -332,7 +325,7 @@ def _slope(scene: Scene, climb: _Climb) -> tuple[Array, Array]:
 
 def _tried(point: ScenePoint, g: Array, H: Array, damping: float) -> list[list[ScenePoint]]:
     """Where a step may lead, with each of several dampings, the smallest first."""
-    x, logs = coordinates(point), _logs(point)
+    x, logs = coordinates(point), in_logarithms(point)
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     K = H / np.outer(scale, scale)
     tried = []

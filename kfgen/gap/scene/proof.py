@@ -12,9 +12,9 @@ from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS, LinearFit, parts_of, tai
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.words import loses_unseen
 from kfgen.gap.scene.evidence import parameter_width
-from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed
+from kfgen.gap.scene.newton import SceneFit
 from kfgen.gap.scene.posterior import over_levels
-from kfgen.gap.scene.scene import Placed, Reaching, ReadingByReading, Scene
+from kfgen.gap.scene.scene import Placed, Reaching, ReadingByReading, Scene, coordinates, is_signed
 
 Array = NDArray[np.float64]
 

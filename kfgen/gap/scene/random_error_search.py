@@ -17,8 +17,8 @@ from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.search import NO_EFFECT, Chosen, Label, Refused
 from kfgen.gap.core.thresholds import TIE_NATS
 from kfgen.gap.scene.addition import FittedAddition, relinearised
-from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, Answered
-from kfgen.gap.scene.explanation import completed, evidence_of_all, explained
+from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, Answered, complete
+from kfgen.gap.scene.explanation import evidence_of_all, explained
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.random_error import (
     FittedRandomError,
@@ -95,9 +95,7 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
             break
     before, answer = answer, _pruned(answer)
     if not answer.random_errors:
-        is_long = len(answer.found.added) >= FIRST_LIMITS.max_effects
-        found = completed(answer.found, grow=is_long or answer is not before)
-        answer = replace(answer, scene=found.scene, found=found)
+        answer = complete(answer, grow=answer is not before)
     # Last, for what judges effects anew knows nothing of the share of a random error in their place.
     for where in dict.fromkeys(a.label[1] for a in answer.found.added if a.name in DRIFTS):
         answer = _instead_of_drifts(answer, where)

@@ -7,16 +7,20 @@ Everything else (screening, fitting, comparing, intervals, tests) follows from t
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 
 Array = NDArray[np.float64]
+
+Key = tuple[int, str]
+"""A parameter: index of its effect, name."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,53 @@ class ScenePoint:
 
     placed: tuple[Placed, ...]
     unknowns: Array
+
+
+def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
+    """The parameters that are fitted."""
+    return tuple((i, p.name) for i, x in enumerate(placed) for p in free(x.effect) if p.name not in x.held)
+
+
+def is_signed(effect: Effect, name: str) -> bool:
+    """Whether a parameter is fitted as it is, and not in its logarithm.
+
+    Parameters
+    ----------
+    effect : Effect
+    name : str
+        Of its parameter.
+    """
+    return {p.name: p.kind for p in effect.parameters()}[name] == "signed"
+
+
+def coordinates(point: ScenePoint) -> Array:
+    """Parameters and unknowns as they are fitted, shape (p,): signed ones as they are, positive ones in their logarithm."""
+    x = []
+    for i, name in keys_of(point.placed):
+        value = float(getattr(point.placed[i].effect, name))
+        x.append(value if is_signed(point.placed[i].effect, name) else float(np.log(max(value, 1e-300))))
+    return np.concatenate([np.array(x), point.unknowns])
+
+
+def moved(point: ScenePoint, x: Array) -> ScenePoint:
+    """The point at these coordinates.
+
+    Parameters
+    ----------
+    point : ScenePoint
+    x : ndarray, shape (k + q,)
+        Coordinates of the effects' parameters, then the unknowns [SI].
+    """
+    placed, keys = list(point.placed), keys_of(point.placed)
+    for (i, name), v in zip(keys, x.tolist()):
+        value = v if is_signed(placed[i].effect, name) else float(np.exp(min(v, 690.0)))
+        placed[i] = replace(placed[i], effect=replace(placed[i].effect, **{name: value}))
+    return ScenePoint(tuple(placed), np.asarray(x[len(keys) :]))
+
+
+def in_logarithms(point: ScenePoint) -> NDArray[np.bool_]:
+    """Of each parameter, whether it is fitted in its logarithm."""
+    return np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
 
 
 class Scene(Protocol):
@@ -247,7 +298,7 @@ class InPieces(Protocol):
         """The same in one piece; None where it is, or where one simulation follows nothing."""
 
     def free_run(self, point: ScenePoint) -> float:
-        """Mean square of what one simulation over the whole log leaves at a point, in variances of the noise."""
+        """Share of the power of the channels that one simulation over the whole log leaves at a point, the mean of them."""
 
 
 @runtime_checkable

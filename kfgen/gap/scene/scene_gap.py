@@ -28,10 +28,10 @@ from kfgen.gap.core.search import Chosen, Refused
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.second_recording import happens_once
 from kfgen.gap.scene.addition import FittedAddition
-from kfgen.gap.scene.assumed_parameters import Answered, answered
+from kfgen.gap.scene.assumed_parameters import Answered, answered, complete
 from kfgen.gap.scene.detection_limits import limits
 from kfgen.gap.scene.holdout import band_edges, held_out
-from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
+from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
 from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
 from kfgen.gap.scene.random_error_search import refusing, with_inertial_noise, with_random_errors
@@ -39,13 +39,14 @@ from kfgen.gap.scene.scene import (
     HasInputs,
     HasNoiseSizes,
     HasOutages,
-    InPieces,
     Inspected,
     Placed,
     Scene,
     Telling,
     Trusting,
     Undecided,
+    coordinates,
+    is_signed,
     start_of,
 )
 from kfgen.gap.scene.screen import basis
@@ -103,7 +104,7 @@ def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
         return _spoilt(scene, faults, unit_of)
     with time_budget():
         with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
-            answer = _answered(scene)
+            answer = answered(scene)
         if isinstance(scene, HasRandomErrors):
             with time_budget(parts=2):  # the other half is for random errors, and for effects beside them
                 answer = with_inertial_noise(answer)
@@ -113,8 +114,10 @@ def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
             if isinstance(scene, HasNoiseSizes) or not (noisy.random_errors and _doubtful_channels(noisy)):
                 answer = noisy
             else:  # what process noise takes up of a misfit, effects beside it cannot explain any more
-                bare = answer if answer.found.added else _answered(scene, noise_first=False)
+                bare = answer if answer.found.added else answered(scene, noise_first=False)
                 answer = refusing(bare, noisy.random_errors)
+        elif isinstance(scene, Trusting) and not _doubtful_channels(answer):
+            answer = complete(answer)
         if doubtful := _doubtful_channels(answer):
             answer = without_trifles(without_events(under_misfit(answer), doubtful))
         found = _gap_of(answer, unit_of)
@@ -122,21 +125,6 @@ def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
             answer = without_weakest(answer)
             found = _gap_of(answer, unit_of)
         return found
-
-
-def _answered(scene: Scene, *, noise_first: bool = True) -> Answered:
-    """The scene explained; of one in pieces, as it is or in one piece, whichever one simulation follows more closely.
-
-    Pieces are followed from nearly everywhere, and lose what acts slowly; one piece shows all, if a fit gets there.
-    """
-    whole = scene.in_one_piece() if isinstance(scene, InPieces) else None
-    if not isinstance(whole, InPieces) or not isinstance(scene, InPieces):
-        return answered(scene, noise_first=noise_first)
-    with time_budget(parts=2):
-        found = answered(scene, noise_first=noise_first)
-    again = answered(whole, noise_first=noise_first)
-    left = [world.free_run(a.fit.point) for world, a in ((scene, found), (whole, again))]
-    return again if not left[0] <= left[1] else found
 
 
 def _doubtful_channels(answer: Answered) -> set[str]:

@@ -16,13 +16,14 @@ from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS
 from kfgen.gap.rest.second_recording import happens_once
 from kfgen.gap.scene.assumed_parameters import Answered
 from kfgen.gap.scene.explanation import (
+    LIMITS_UNDER_MISFIT,
     Explained,
     SceneExplanation,
     evidence_of_all,
     explained,
     refitted,
 )
-from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
+from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.proof import too_wide
 from kfgen.gap.scene.scene import (
     HasNoiseSizes,
@@ -31,6 +32,8 @@ from kfgen.gap.scene.scene import (
     Reaching,
     ReadingByReading,
     Scene,
+    coordinates,
+    is_signed,
 )
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
 from kfgen.gap.scene.unevenness import scattered_deviations, unevenness_of_effect
@@ -101,7 +104,7 @@ def _searched_again(there: TemperedScene, found: Explained) -> tuple[Explained, 
     kept = _determined(refitted(there, found))
     if found.added and search_is_over():
         return _worth(kept)
-    anew = _determined(explained(there))
+    anew = _determined(explained(there, LIMITS_UNDER_MISFIT))
     gains = anew[1] > MIN_GAIN_SHARE_FROM_NOTHING * kept[1]
     return _worth(anew if gains and not _leaves_more(anew[0], kept[0]) else kept)
 

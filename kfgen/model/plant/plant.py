@@ -72,6 +72,10 @@ class Batch:
         """Columns."""
         return int(self.initial.shape[2])
 
+    def before_of(self, name: str) -> Array:
+        """By how much an input was another one before the record, shape (batch,)."""
+        return np.broadcast_to(np.asarray(self.before.get(name, 0.0), dtype=np.float64), (self.size,))
+
 
 @dataclass(frozen=True)
 class Run:
@@ -185,7 +189,7 @@ class Plant:
             Not finite where the simulation diverges.
         """
         signals = [
-            Signal(t, inputs[n], not n.startswith("ref_"), self._changes(batch, n), batch.before.get(n, 0.0))
+            Signal.of(t, inputs[n], not n.startswith("ref_"), self._changes(batch, n), batch.before_of(n))
             for n in self.inputs
         ]
         task = _Task(t, signals, self.given(batch), batch, starts)

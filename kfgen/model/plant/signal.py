@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,8 @@ class Signal:
         Their numbers may be of shape (batch,).
     before : float or ndarray, shape (batch,)
         By how much the input was another one before the first sample, where what is late or lags still shows it.
+    columns : ndarray of int, shape (columns,), optional
+        Which of the batch acts in each column of a simulation, where several have the same; else each has its own.
     """
 
     t: Array
@@ -43,10 +45,43 @@ class Signal:
     held: bool
     changes: Sequence[InputChange] = ()
     before: Array | float = 0.0
+    columns: NDArray[np.intp] | None = None
+
+    @classmethod
+    def of(cls, t: Array, values: Array, held: bool, changes: Sequence[InputChange], before: Array) -> Signal:
+        """The signal of the columns of a simulation: what is the same in several of them is computed once.
+
+        Parameters
+        ----------
+        t, values, held
+            As of the class.
+        changes : sequence of InputChange
+            Their numbers of shape (columns,).
+        before : ndarray, shape (columns,)
+        """
+        numbers = [(c, f.name, np.asarray(getattr(c, f.name), float)) for c in changes for f in fields(c)]
+        table = np.stack([*np.broadcast_arrays(*(v for _, _, v in numbers), before)])
+        place: dict[bytes, int] = {}
+        columns = np.array([place.setdefault(column.tobytes(), len(place)) for column in table.T.copy()])
+        own = np.unique(columns, return_index=True)[1]
+        kept = [
+            replace(c, **{name: row[own] for (of, name, _), row in zip(numbers, table) if of is c})
+            for c in changes
+        ]
+        return cls(t, values, held, kept, table[-1, own], columns)
+
+    def _each(self, found: Array) -> Array:
+        """What acts in each column, from what acts in each of the batch, the last axis of both."""
+        alike = self.columns is None or found.shape[-1] == 1
+        return found if alike else np.asarray(found[..., self.columns])
+
+    @property
+    def samples(self) -> Array:
+        """The samples after what changes their size, shape (n, columns or 1)."""
+        return self._each(self._samples)
 
     @cached_property
-    def samples(self) -> Array:
-        """The samples after what changes their size, shape (n, batch or 1)."""
+    def _samples(self) -> Array:
         u = self.values[:, None]
         for change in self.changes:
             u = change.samples(u)
@@ -65,7 +100,7 @@ class Signal:
     @cached_property
     def _behind(self) -> Array:
         """The state of the lag at the samples, shape (n, batch); it starts settled with what was before."""
-        u, tau = self.samples, self._lag
+        u, tau = self._samples, self._lag
         first = u[0] + self.before
         if not self.held:
             return behind(self.t, u, np.broadcast_to(tau, np.broadcast_shapes(tau.shape, first.shape)), first)
@@ -81,19 +116,26 @@ class Signal:
         return self.held and not self._lag.any() and not self._late.any()
 
     def nodes(self, first: int, last: int, substeps: int) -> Array:
-        """What acts in the steps `first` to `last`, shape (steps, substeps or 1, 3 or 1, batch or 1).
+        """What acts in the steps `first` to `last`, shape (steps, substeps or 1, 3 or 1, columns or 1).
 
         The third axis is the beginning, the middle and the end of each part of a step.
         """
+        return self._each(self._nodes(first, last, substeps))
+
+    def at(self, times: Array) -> Array:
+        """What acts at times [s], shape (m, columns or 1)."""
+        return self._each(self._at(times))
+
+    def _nodes(self, first: int, last: int, substeps: int) -> Array:
         if self.plain:
-            return self.samples[first:last, None, None, :]
+            return self._samples[first:last, None, None, :]
         t, dt = self.t[first:last], np.diff(self.t)[first:last]
         parts = np.arange(substeps) / substeps
         if self.held and not self._lag.any():
             return self._means(first, last, substeps)[:, :, None, :]
         at = parts[:, None] + NODES / substeps
         times = t[:, None, None] + dt[:, None, None] * at
-        found = self.at(times.ravel()).reshape(t.size, substeps, NODES.size, -1)
+        found = self._at(times.ravel()).reshape(t.size, substeps, NODES.size, -1)
         # A lag much shorter than the part ends between the nodes: its integral is kept.
         return (
             found + (self._means(first, last, substeps) - WEIGHTS @ found)[:, :, None] if self.held else found
@@ -108,7 +150,7 @@ class Signal:
 
     def _integral(self, times: Array) -> Array:
         """The integral of a held input that is late or behind a lag, at times, shape (m, batch)."""
-        u, lag = self.samples, self._lag
+        u, lag = self._samples, self._lag
         steps = np.append(np.diff(self.t), 0.0)[:, None]
         s = times[:, None] - self._late
         k = self._before(s)
@@ -128,9 +170,8 @@ class Signal:
         """The last sample before each time; the first before the record."""
         return np.clip(np.searchsorted(self.t, s, side="right") - 1, 0, self.t.size - 1)
 
-    def at(self, times: Array) -> Array:
-        """What acts at times [s], shape (m, batch or 1)."""
-        u, lag = self.samples, self._lag
+    def _at(self, times: Array) -> Array:
+        u, lag = self._samples, self._lag
         s = times[:, None] - self._late
         earlier = self.before * (s < self.t[0])
         if not self.held:
@@ -153,7 +194,7 @@ class Signal:
 
     def _smooth(self, s: Array) -> Array:
         """Cubic interpolation at times of shape (m, batch or 1)."""
-        u = self.samples
+        u = self._samples
         if self.t.size < 4:
             return np.column_stack(
                 [np.interp(s[:, min(j, s.shape[1] - 1)], self.t, u[:, j]) for j in range(u.shape[1])]
@@ -168,4 +209,4 @@ class Signal:
     def _spline(self):  # type: ignore[no-untyped-def]
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self.t, self.samples, axis=0)
+        return CubicSpline(self.t, self._samples, axis=0)
