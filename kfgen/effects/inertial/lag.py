@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.recent_results import RecentResults
 from kfgen.effects.effect import Effect, parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled, ReadingLag
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
 Array = NDArray[np.float64]
 
+_SPLINES: RecentResults[tuple[Array, CubicSpline]] = RecentResults(16)
+"""With the signals themselves, so that no others have their place in memory."""
 MOST_UNHEARD = 0.2
 """Share of a log that a lag may leave without a truth; a longer memory starts from rest."""
 FORGOTTEN_AFTER = 10.0
@@ -116,13 +122,11 @@ class TimeDelay(Lag):
 
     def passed(self, x: Array, dt: float) -> Array:
         """Signals, shape (n, ...), as they were `delay` earlier, by a cubic spline; held at the ends."""
-        from scipy.interpolate import CubicSpline
-
         if self.delay == 0.0:
             return x
         at = np.arange(x.shape[0], dtype=np.float64)
         then = np.clip(at - float(self.delay) / dt, 0.0, at[-1])
-        return np.asarray(CubicSpline(at, x, axis=0)(then))
+        return np.asarray(_spline(x)(then))
 
 
 @dataclass(frozen=True)
@@ -160,13 +164,11 @@ class ClockDrift(Lag):
 
     def passed(self, x: Array, dt: float) -> Array:
         """Signals, shape (n, ...), at ``(1 - rate) t``, by a cubic spline; held at the ends."""
-        from scipy.interpolate import CubicSpline
-
         if self.rate == 0.0:
             return x
         at = np.arange(x.shape[0], dtype=np.float64)
         then = np.clip((1.0 - float(self.rate)) * at, 0.0, at[-1])
-        return np.asarray(CubicSpline(at, x, axis=0)(then))
+        return np.asarray(_spline(x)(then))
 
 
 @dataclass(frozen=True)
@@ -202,17 +204,32 @@ class Bandwidth(Lag):
         Exact for the cubic spline through the samples. It is causal: what a spectrum does to the ends of a record would
         decide between a pole and a delay.
         """
-        from scipy.interpolate import CubicSpline
         from scipy.signal import lfilter
 
         tau = float(self.seconds) / dt
         before = min(int(FORGOTTEN_AFTER * tau) + 2, x.shape[0] - 1)
-        whole = np.concatenate([2.0 * x[:1] - x[before:0:-1], x])
-        c = CubicSpline(np.arange(len(whole), dtype=np.float64), whole, axis=0).c
+        c = _spline(x, before).c
         fed = np.tensordot(_fed(tau), c[::-1], axes=1)
         phi = np.exp(-1.0 / tau)
-        y = lfilter([1.0], [1.0, -phi], np.concatenate([whole[:1], fed]), axis=0)
+        y = lfilter([1.0], [1.0, -phi], np.concatenate([c[-1, :1], fed]), axis=0)
         return np.asarray(y[before:])
+
+
+def _spline(x: Array, before: int = 0) -> CubicSpline:
+    """The cubic spline through signals that go on before the first as they do after it, for so many samples.
+
+    Of signals that nobody can change the last few are kept: a fit tries many lags of the same.
+    """
+    if x.flags.writeable:
+        return _new_spline(x, before)
+    return _SPLINES.recalled((id(x), before), lambda: (x, _new_spline(x, before)))[1]
+
+
+def _new_spline(x: Array, before: int) -> CubicSpline:
+    from scipy.interpolate import CubicSpline
+
+    whole = np.concatenate([2.0 * x[:1] - x[before:0:-1], x]) if before else x
+    return CubicSpline(np.arange(len(whole), dtype=np.float64), whole, axis=0)
 
 
 def _fed(tau: float) -> Array:

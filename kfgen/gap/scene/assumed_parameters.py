@@ -37,8 +37,8 @@ MAX_LEFT_TIMES = 2.0
 """Sum of squares that may be left with numbers given back their freedom, by that with them held: more of it is a fit that
 went astray."""
 SHORT_LIMITS = replace(LIMITS_UNDER_MISFIT, max_iterations=0)
-"""Of a first look at a world with numbers in question: a list that passes its tests is gone through again, see `complete`; as
-long as more is there, what is added to it explains a misfit. Of a propeller's log such a list took 16 times as long."""
+"""Of a first look at a world: a list that passes its tests is gone through again, see `complete`; as long as more is there, what
+is added to it explains a misfit. Of a propeller's log such a list took 16 times as long."""
 FIRST_LIMITS = replace(SHORT_LIMITS, min_first_evidence_nats=0.0, first_counts_rivals=True)
 """Of a world that has random errors: beyond, one of these is likelier than a long list, and all is looked for again. Its
 candidates are many, so that all together were 2.9 nats below nothing or more in six flights without an effect, and the
@@ -116,7 +116,7 @@ def answered(scene: Scene, *, noise_first: bool = True) -> Answered:
 def _answered(scene: Scene, *, noise_first: bool) -> Answered:
     """The same of a scene as it is cut."""
     if not isinstance(scene, Trusting):
-        plain = explained(scene, FIRST_LIMITS if isinstance(scene, HasRandomErrors) else LIMITS)
+        plain = explained(scene, FIRST_LIMITS if isinstance(scene, HasRandomErrors) else SHORT_LIMITS)
         return Answered(plain.scene, scene, plain)
     # A start that a whole log moves far is mostly a sign of something else, and takes up little of it.
     starts, refuted = {u.own for u in scene.unknowns if u.once}, scene.refuted()

@@ -116,7 +116,7 @@ def scene_gap(scene: Scene, unit_of: UnitOf = lambda _: "") -> SceneGap:
             else:  # what process noise takes up of a misfit, effects beside it cannot explain any more
                 bare = answer if answer.found.added else answered(scene, noise_first=False)
                 answer = refusing(bare, noisy.random_errors)
-        elif isinstance(scene, Trusting) and not _doubtful_channels(answer):
+        elif not _doubtful_channels(answer):
             answer = complete(answer)
         if doubtful := _doubtful_channels(answer):
             answer = without_trifles(without_events(under_misfit(answer), doubtful))
