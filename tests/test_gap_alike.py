@@ -6,6 +6,7 @@ Data are made here in plain numpy; expected values are those that were put in, o
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
+from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.result import Finding
 from kfgen.gap.motion.motion_scene import motion_scene
@@ -158,6 +160,21 @@ def test_a_pole_is_exact_to_the_last_sample(corner: float) -> None:
     read = lag.passed(x, DT)  # type: ignore[attr-defined]
     assert np.abs(read - settled)[start:].max() < 1e-4
     assert np.abs(read - settled)[-50:].max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "lag",
+    [make("time_delay", delay=0.03), make("bandwidth", corner=5.0), make("clock_drift", rate=1e-3)],
+)
+def test_signals_keep_their_splines(lag: Any) -> None:
+    """Late signals are the same with splines that are kept, of each array its own."""
+    x = np.sin(2 * np.pi * 2.0 * T[:, None] + np.arange(3))
+    signals = Signals(T, x, omega_b=np.cos(x))
+    for value in (x, signals.omega_b, x):
+        assert np.array_equal(lag.passed(value, DT, signals.spline), lag.passed(value, DT))
+    assert signals.spline(x, 3) is signals.spline(x, 3)
+    assert signals.spline(x, 3) is not signals.spline(x, 2)
+    assert signals.spline(x, 3)(np.arange(4.0))[::-1] == pytest.approx(2.0 * x[0] - np.r_[x[:1], x[1:4]])
 
 
 def test_a_hump_is_no_resonance() -> None:

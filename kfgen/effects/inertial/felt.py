@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.recent_results import RecentResults
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+
+SPLINES_KEPT = 4
+"""Splines of signals that are kept."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +110,28 @@ class Felt:
         return value
 
 
+def spline_of(x: Array, before: int = 0) -> CubicSpline:
+    """The cubic spline through signals that go on before the first as they do after it, for so many samples.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, ...)
+        At 0, 1, 2, ...
+    before : int
+    """
+    from scipy.interpolate import CubicSpline
+
+    whole = np.concatenate([2.0 * x[:1] - x[before:0:-1], x]) if before else x
+    return CubicSpline(np.arange(len(whole), dtype=np.float64), whole, axis=0)
+
+
+class Splined(Protocol):
+    """Gives the spline of signals, see `spline_of`."""
+
+    def __call__(self, x: Array, before: int = 0) -> CubicSpline:
+        """Of these signals, and so many samples before the first."""
+
+
 @dataclass(frozen=True)
 class Signals:
     """What moved, as one triad should have felt it.
@@ -139,6 +168,14 @@ class Signals:
     warmth: Array | None = None
     arm_order: int = 2
     speed_squared: Array | None = None
+
+    @cached_property
+    def _splines(self) -> RecentResults[CubicSpline]:
+        return RecentResults(SPLINES_KEPT)
+
+    def spline(self, x: Array, before: int = 0) -> CubicSpline:
+        """The spline of one of these arrays, see `spline_of`: a fit tries many lags of the same signals."""
+        return self._splines.recalled((id(x), before), lambda: spline_of(x, before))
 
     @cached_property
     def felt(self) -> Felt:

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.recent_results import RecentResults
 from kfgen.effects.effect import Effect, parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled, ReadingLag
-from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.felt import Signals, Splined, spline_of
 from kfgen.effects.inertial.inertial_error import InertialError
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
-_SPLINES: RecentResults[tuple[Array, CubicSpline]] = RecentResults(16)
-"""With the signals themselves, so that no others have their place in memory."""
 MOST_UNHEARD = 0.2
 """Share of a log that a lag may leave without a truth; a longer memory starts from rest."""
 FORGOTTEN_AFTER = 10.0
@@ -38,8 +32,8 @@ class Lag(InertialError):
 
     sensors: ClassVar[tuple[str, ...]] = ("gyro", "accel", "mag")
 
-    def passed(self, x: Array, dt: float) -> Array:
-        """What becomes of signals along the first axis, shape (n, ...)."""
+    def passed(self, x: Array, dt: float, splined: Splined = spline_of) -> Array:
+        """What becomes of signals along the first axis, shape (n, ...); `splined` gives their spline."""
         raise NotImplementedError
 
     def memory(self) -> tuple[float, float]:
@@ -120,13 +114,13 @@ class TimeDelay(Lag):
         """``1 / (2 pi delay)``."""
         return 1.0 / (2.0 * np.pi * max(abs(float(self.delay)), 1e-300))
 
-    def passed(self, x: Array, dt: float) -> Array:
+    def passed(self, x: Array, dt: float, splined: Splined = spline_of) -> Array:
         """Signals, shape (n, ...), as they were `delay` earlier, by a cubic spline; held at the ends."""
         if self.delay == 0.0:
             return x
         at = np.arange(x.shape[0], dtype=np.float64)
         then = np.clip(at - float(self.delay) / dt, 0.0, at[-1])
-        return np.asarray(_spline(x)(then))
+        return np.asarray(splined(x)(then))
 
 
 @dataclass(frozen=True)
@@ -162,13 +156,13 @@ class ClockDrift(Lag):
         """That of the delay after a second."""
         return 1.0 / (2.0 * np.pi * max(abs(float(self.rate)), 1e-300))
 
-    def passed(self, x: Array, dt: float) -> Array:
+    def passed(self, x: Array, dt: float, splined: Splined = spline_of) -> Array:
         """Signals, shape (n, ...), at ``(1 - rate) t``, by a cubic spline; held at the ends."""
         if self.rate == 0.0:
             return x
         at = np.arange(x.shape[0], dtype=np.float64)
         then = np.clip((1.0 - float(self.rate)) * at, 0.0, at[-1])
-        return np.asarray(_spline(x)(then))
+        return np.asarray(splined(x)(then))
 
 
 @dataclass(frozen=True)
@@ -198,7 +192,7 @@ class Bandwidth(Lag):
         """The corner."""
         return float(self.corner)
 
-    def passed(self, x: Array, dt: float) -> Array:
+    def passed(self, x: Array, dt: float, splined: Splined = spline_of) -> Array:
         """Signals, shape (n, ...), behind ``seconds * y' = x - y``, as if they had come as they go on from the first.
 
         Exact for the cubic spline through the samples. It is causal: what a spectrum does to the ends of a record would
@@ -208,28 +202,11 @@ class Bandwidth(Lag):
 
         tau = float(self.seconds) / dt
         before = min(int(FORGOTTEN_AFTER * tau) + 2, x.shape[0] - 1)
-        c = _spline(x, before).c
+        c = splined(x, before).c
         fed = np.tensordot(_fed(tau), c[::-1], axes=1)
         phi = np.exp(-1.0 / tau)
         y = lfilter([1.0], [1.0, -phi], np.concatenate([c[-1, :1], fed]), axis=0)
         return np.asarray(y[before:])
-
-
-def _spline(x: Array, before: int = 0) -> CubicSpline:
-    """The cubic spline through signals that go on before the first as they do after it, for so many samples.
-
-    Of signals that nobody can change the last few are kept: a fit tries many lags of the same.
-    """
-    if x.flags.writeable:
-        return _new_spline(x, before)
-    return _SPLINES.recalled((id(x), before), lambda: (x, _new_spline(x, before)))[1]
-
-
-def _new_spline(x: Array, before: int) -> CubicSpline:
-    from scipy.interpolate import CubicSpline
-
-    whole = np.concatenate([2.0 * x[:1] - x[before:0:-1], x]) if before else x
-    return CubicSpline(np.arange(len(whole), dtype=np.float64), whole, axis=0)
 
 
 def _fed(tau: float) -> Array:

@@ -85,7 +85,7 @@ def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
     needed = needs_of(effects)
     for lag in lags:
         moved: dict[str, Any] = {
-            name: lag.passed(value, felt.dt)
+            name: lag.passed(value, felt.dt, felt.spline)
             for name in ("y", *needed)
             if (value := getattr(felt, name)) is not None
         }

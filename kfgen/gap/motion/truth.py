@@ -127,12 +127,7 @@ class Truth:
     @cached_property
     def _known(self) -> dict[str, Signals]:
         """Signals that no fit changes, with what is computed from them."""
-        found = {sensor: self._felt_by(sensor, y) for sensor, y in self.read.items()}
-        for signals in found.values():
-            for value in vars(signals).values():
-                if isinstance(value, np.ndarray):
-                    value.setflags(write=False)
-        return found
+        return {sensor: self._felt_by(sensor, y) for sensor, y in self.read.items()}
 
     def _felt_by(self, sensor: str, y: Array) -> Signals:
         order, R_bn = self.antennas.get(sensor, (2, self.R_bn))
