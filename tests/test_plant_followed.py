@@ -20,7 +20,7 @@ from kfgen.gap.plant.recorded_channel import check_near
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.scene import assumed_parameters
 from kfgen.gap.scene.addition import ranked
-from kfgen.gap.scene.assumed_parameters import answered
+from kfgen.gap.scene.assumed_parameters import Answered, answered, complete
 from kfgen.gap.scene.explanation import Explained
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, ScenePoint, start_of
@@ -117,13 +117,13 @@ def test_numbers_that_no_simulation_follows_as_assumed_stay_free(
         return scene
 
     monkeypatch.setattr(assumed_parameters, "explained", lambda *_, **__: found)
-    monkeypatch.setattr(assumed_parameters, "moved", lambda *_: {"late"})
+    monkeypatch.setattr(assumed_parameters, "moved_far", lambda *_: {"late"})
     monkeypatch.setattr(PlantScene, "refuted", lambda _: (Placed(ParameterError(0.0), "early"),))
     monkeypatch.setattr(PlantScene, "held", held)
     with pytest.raises(InputError, match="motor"):
         answered(scene, noise_first=False)
     late = iter([set[str](), {"late"}, {"late"}])
-    monkeypatch.setattr(assumed_parameters, "moved", lambda *_: next(late))
+    monkeypatch.setattr(assumed_parameters, "moved_far", lambda *_: next(late))
     answer = answered(scene, noise_first=False)
     assert answer.scene is scene
     assert not answer.found.added
@@ -139,7 +139,7 @@ def test_freedom_with_which_a_fit_goes_astray_is_not_given(
     found = Explained(fit, (), fit, scene)
     monkeypatch.setattr(assumed_parameters, "explained", lambda *_, **__: found)
     monkeypatch.setattr(assumed_parameters, "fitted", lambda *_: anew)
-    monkeypatch.setattr(assumed_parameters, "moved", lambda *_: set[str]())
+    monkeypatch.setattr(assumed_parameters, "moved_far", lambda *_: set[str]())
     monkeypatch.setattr(PlantScene, "refuted", lambda _: (Placed(ParameterError(0.0), "early"),))
     monkeypatch.setattr(PlantScene, "held", lambda *_: scene)
     assert answered(scene, noise_first=False).fit is (fit if kept else anew)
@@ -178,6 +178,24 @@ def test_a_log_that_one_simulation_follows_is_not_cut(
     monkeypatch.setattr(assumed_parameters, "_answered", explain)
     answer: Any = answered(Pieces("pieces"))  # type: ignore[arg-type]
     assert (names, answer.name) == (asked, kept)
+
+
+@pytest.mark.parametrize(("count", "asked", "grows"), [(3, False, False), (4, False, True), (3, True, True)])
+def test_a_list_that_was_cut_short_grows_where_its_tests_pass(
+    count: int, asked: bool, grows: bool, scene: PlantScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four effects are as many as a first list has: more may be there; of three, only where that is asked for."""
+    fit = fitted(scene, start_of(scene))
+    found = Explained(fit, (SimpleNamespace(),) * count, fit, scene)  # type: ignore[arg-type]
+    said: list[bool] = []
+
+    def gone_through(of: Explained, *, grow: bool) -> Explained:
+        said.append(grow)
+        return replace(of, added=())
+
+    monkeypatch.setattr(assumed_parameters, "completed", gone_through)
+    assert not complete(Answered(scene, scene, found), grow=asked).found.added
+    assert said == [grows]
 
 
 def test_the_share_of_its_power_that_a_simulation_leaves(scene: PlantScene) -> None:

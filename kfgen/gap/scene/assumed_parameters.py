@@ -38,7 +38,7 @@ MAX_LEFT_TIMES = 2.0
 went astray."""
 SHORT_LIMITS = replace(LIMITS_UNDER_MISFIT, max_iterations=0)
 """Of a first look at a world: a list that passes its tests is gone through again, see `complete`; as long as more is there, what
-is added to it explains a misfit. Of a propeller's log such a list took 16 times as long."""
+is added to it explains a misfit. Of a propeller's log a longer list took nine times as long."""
 FIRST_LIMITS = replace(SHORT_LIMITS, min_first_evidence_nats=0.0, first_counts_rivals=True)
 """Of a world that has random errors: beyond, one of these is likelier than a long list, and all is looked for again. Its
 candidates are many, so that all together were 2.9 nats below nothing or more in six flights without an effect, and the
@@ -120,11 +120,11 @@ def _answered(scene: Scene, *, noise_first: bool) -> Answered:
         return Answered(plain.scene, scene, plain)
     # A start that a whole log moves far is mostly a sign of something else, and takes up little of it.
     starts, refuted = {u.own for u in scene.unknowns if u.once}, scene.refuted()
-    wrong = (moved(scene, fitted(scene, start_of(scene)).point) - starts) | {p.where for p in refuted}
+    wrong = (moved_far(scene, fitted(scene, start_of(scene)).point) - starts) | {p.where for p in refuted}
     here: Scene = scene.held(wrong) if wrong else scene
     found = _explained_beside(here, refuted, noise_first=noise_first)
     for _ in range(MAX_ITERATIONS - 1):
-        more = moved(here, found.fit.point)
+        more = moved_far(here, found.fit.point)
         if not more or search_is_over():
             break
         try:
@@ -183,7 +183,7 @@ def _is_error(added: Chosen[FittedAddition]) -> bool:
     return isinstance(added.addition.placed.effect, ParameterError)
 
 
-def moved(scene: Scene, point: ScenePoint) -> set[str]:
+def moved_far(scene: Scene, point: ScenePoint) -> set[str]:
     """The numbers that a fit moved far from what is assumed about them.
 
     Parameters

@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 
 LIMITS = SearchLimits(max_effects=10)
 LIMITS_UNDER_MISFIT = replace(LIMITS, max_effects=4, max_iterations=1)
-"""While more is there than noise: a longer list explains a misfit, and took more than ten minutes of two real logs of three."""
+"""While more is there than noise: a longer list explains a misfit, and took more than nine minutes of two real logs of three."""
 UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
 NEARLY_THE_SAME_MIN_COS2 = 0.9
