@@ -10,6 +10,9 @@ once or is over before the tail, the extreme third of its driver for what is dri
 coefficients are fitted to the rest, and the bands are those of the white series in each held-out block: that
 of the assumed model as it is written, and that of the updated one.
 
+Outliers, bursts and whatever else changes samples need not change a spectrum. Where one is added, the white samples
+are counted in classes of their size as well: counts c where a normal law expects e lose ``c ln(c / e) - c + e`` nats.
+
 References
 ----------
 .. [1] S. Kullback, Information Theory and Statistics, 1959, ch. 9 (divergence of variances).
@@ -18,7 +21,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +46,8 @@ MIN_SEEN_SHARE = 0.02
 """Of the power of a course of shapes in the part to which they are fitted, below which that part does not tell its size."""
 BLOCKS = 32
 """Into which a record is cut to leave out every other one."""
+CLASSES_BEYOND = np.array([0.8, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 3e-4])
+"""Share of normal samples beyond the end of each class of sizes but the last."""
 INTERVAL_DRAWS = 2000
 METRIC = "held-out log-likelihood per sample above the noise floor"
 
@@ -62,6 +67,41 @@ class Gap:
     closed: float
     ci95: tuple[float, float]
     held_out: str = ""
+
+    @property
+    def surely_grows(self) -> bool:
+        """Whether the updated model is worse than the assumed one beyond chance."""
+        return self.after > self.before and self.ci95[1] <= 0.0
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What was held out under the assumed and under the updated model.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (bands,)
+        Power over expectation in bands.
+    m : ndarray, shape (bands,)
+        Degrees of freedom.
+    sizes_before, sizes_after : ndarray, shape (classes,), optional
+        Counts of white samples by their size, where an effect that changes samples is added.
+    """
+
+    before: Array
+    after: Array
+    m: Array
+    sizes_before: Array = field(default_factory=lambda: np.zeros(0))
+    sizes_after: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def expected(self) -> Array:
+        """Counts of a normal law, shape (classes,)."""
+        return _expected_sizes(self.sizes_before)
+
+    def lost(self, r: Array, counts: Array) -> Array:
+        """Nats lost, less what chance loses, shape (...,) of ratios (..., bands) and counts (..., classes)."""
+        return lost(r, self.m) + _lost_by_size(counts, self.expected)
 
 
 def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
@@ -97,10 +137,16 @@ def is_line(effect: Effect | type[Effect]) -> bool:
     return len(effect.coefficients()) > 1
 
 
+def _is_altered(raw: Record, clean: Record) -> bool:
+    """Whether an effect changes samples: the record without it is another one."""
+    return not np.array_equal(raw.y, clean.y)
+
+
 def _tail(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
     k = int(raw.n * (1.0 - HELD_OUT_SHARE))
-    r0, r1, m = judged(raw.cut(k, raw.n), clean.cut(k, raw.n), (clean.cut(0, k),), written, updated)
-    return divergence(r0, r1, m, "the last 30 % of the record")
+    parts = raw.cut(k, raw.n), clean.cut(k, raw.n), (clean.cut(0, k),)
+    held = judged(*parts, written, updated, altered=_is_altered(raw, clean))
+    return divergence(held, "the last 30 % of the record")
 
 
 def _folded(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
@@ -109,15 +155,28 @@ def _folded(raw: Record, clean: Record, written: Sequence[Effect], updated: Prob
     cuts = [(k * size, (k + 1) * size) for k in range(FOLDS)]
     for left_out in cuts:
         rest = tuple(clean.cut(*cut) for cut in cuts if cut != left_out)
-        parts.append(judged(raw.cut(*left_out), clean.cut(*left_out), rest, written, updated))
-    r0, r1 = (np.mean([part[i] for part in parts], axis=0) for i in (0, 1))
-    return divergence(r0, r1, FOLDS * parts[0][2], "every third of the record, by a fit to the other two")
+        part = raw.cut(*left_out), clean.cut(*left_out), rest
+        parts.append(judged(*part, written, updated, altered=_is_altered(raw, clean)))
+    whole = HeldOut(
+        np.mean([part.before for part in parts], axis=0),
+        np.mean([part.after for part in parts], axis=0),
+        FOLDS * parts[0].m,
+        np.sum([part.sizes_before for part in parts], axis=0),
+        np.sum([part.sizes_after for part in parts], axis=0),
+    )
+    return divergence(whole, "every third of the record, by a fit to the other two")
 
 
 def judged(
-    raw: Record, clean: Record, rest: tuple[Record, ...], written: Sequence[Effect], updated: Problem
-) -> tuple[Array, Array, Array]:
-    """Power over expectation on what is left out, assumed and updated, the latter fitted to the rest.
+    raw: Record,
+    clean: Record,
+    rest: tuple[Record, ...],
+    written: Sequence[Effect],
+    updated: Problem,
+    *,
+    altered: bool = False,
+) -> HeldOut:
+    """What is left out under the assumed model and under the updated one, the latter fitted to the rest.
 
     Parameters
     ----------
@@ -129,40 +188,66 @@ def judged(
         The assumed random effects.
     updated : Problem
         The updated model.
-
-    Returns
-    -------
-    tuple of ndarray, shape (bands,)
-        Mean ratios before and after, and how many ordinates each has.
+    altered : bool
+        Whether it has an effect that changes samples.
     """
     after = maximise(replace(updated, record=rest[0] if len(rest) == 1 else JointRecord(rest)))
     r0, m = ratios(raw, written, np.zeros(0))
     r1, _ = ratios(clean, after.effects, after.likelihood.coefficients)
-    return r0, r1, m
+    if not altered:
+        return HeldOut(r0, r1, m)
+    shapes = [e for e in after.effects if e.coefficients()]
+    first, last = Whitener.on(raw, written), Whitener.on(clean, after.effects)
+    c0 = _sizes(first, first.series(raw.y))
+    return HeldOut(r0, r1, m, c0, _sizes(last, last.series(clean.y - clean.drift(shapes))))
 
 
-def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
-    """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance.
+def _sizes(whitener: Whitener, z: Array) -> Array:
+    """How many white samples are in each class of sizes, shape (classes,); what a filter stops is missing in all of them."""
+    from scipy.stats import norm
+
+    passed = float(np.mean(whitener.weight[1:] > 0.0))
+    u = np.abs(z) / np.sqrt(max(passed, 1.0 / z.size))
+    edges = np.concatenate([[0.0], norm.isf(0.5 * CLASSES_BEYOND), [np.inf]])
+    return np.asarray(np.histogram(u, edges)[0], dtype=np.float64)
+
+
+def _expected_sizes(counts: Array) -> Array:
+    """What a normal law expects of as many samples in each class, shape (classes,)."""
+    share = -np.diff(np.concatenate([[1.0], CLASSES_BEYOND, [0.0]]))
+    return np.asarray(counts.sum() * share[: counts.shape[-1]])
+
+
+def _lost_by_size(counts: Array, expected: Array) -> Array:
+    """Nats that a normal law loses on counts of shape (..., classes), less what chance loses."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lost = np.where(counts > 0.0, counts * np.log(counts / expected), 0.0) - counts + expected
+    return np.asarray(lost.sum(axis=-1) - 0.5 * max(counts.shape[-1] - 1, 0))
+
+
+def divergence(held: HeldOut, words: str) -> Gap:
+    """The gap of what was held out, with an interval from draws of its chance.
 
     Parameters
     ----------
-    r0, r1 : ndarray, shape (bands,)
-        Power over expectation, before and after.
-    m : ndarray, shape (bands,)
-        Degrees of freedom.
-    held_out : str
-        What was held out, in words.
+    held : HeldOut
+    words : str
+        What was held out.
     """
-    chance = np.random.default_rng(0).chisquare(m, (INTERVAL_DRAWS, m.size)) / m
-    lost0, lost1, n = float(lost(r0, m)), float(lost(r1, m)), float(m.sum())
-    draws0 = lost(r0 * chance, m) - 0.5 * m.size
-    draws1 = np.maximum(lost(r1 * chance, m) - 0.5 * m.size, 0.0)
+    rng, m = np.random.default_rng(0), held.m
+    chance = rng.chisquare(m, (INTERVAL_DRAWS, m.size)) / m
+    c0, c1 = held.sizes_before, held.sizes_after
+    luck = rng.poisson(held.expected, (INTERVAL_DRAWS, c0.size)) / held.expected
+    floor = 0.5 * (m.size + max(c0.size - 1, 0))
+    lost0, lost1 = float(held.lost(held.before, c0)), float(held.lost(held.after, c1))
+    draws0 = held.lost(held.before * chance, c0 * luck) - floor
+    draws1 = np.maximum(held.lost(held.after * chance, c1 * luck) - floor, 0.0)
     closed = 1.0 - max(lost1, 0.0) / lost0 if lost0 > 0.0 else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(draws0 > 0.0, 1.0 - draws1 / draws0, 0.0)
     lo, hi = np.clip(np.quantile(shares, [0.025, 0.975]), -1.0, 1.0).tolist()
-    closed = max(closed, -1.0)
-    return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), held_out)
+    closed, n = max(closed, -1.0), float(m.sum())
+    return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), words)
 
 
 def _masked(
@@ -176,9 +261,13 @@ def _masked(
     z = whitener.series(clean.y - clean.drift(others))
     B = np.column_stack([whitener.series(x) for e in shapes for x in clean.regressors(e)])
     unseen, words = _unseen(clean, shapes)
-    r0, m = _block_ratios(Whitener.on(raw, written).series(raw.y), unseen)
-    r1, _ = _block_ratios(z - _predicted(z, B, ~unseen), unseen)
-    return divergence(r0, r1, m, words)
+    first = Whitener.on(raw, written)
+    z0, z1 = first.series(raw.y), z - _predicted(z, B, ~unseen)
+    (r0, m), (r1, _) = _block_ratios(z0, unseen), _block_ratios(z1, unseen)
+    if not _is_altered(raw, clean):
+        return divergence(HeldOut(r0, r1, m), words)
+    c0, c1 = _sizes(first, z0[unseen]), _sizes(whitener, z1[unseen])
+    return divergence(HeldOut(r0, r1, m, c0, c1), words)
 
 
 def _predicted(z: Array, B: Array, seen: NDArray[np.bool_]) -> Array:

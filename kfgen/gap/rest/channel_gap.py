@@ -14,7 +14,6 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.process.stochastic import Quantisation
 from kfgen.effects.series import DetectedFault
 from kfgen.gap.core.battery import Test, battery
-from kfgen.gap.core.holdout import held_out_gap
 from kfgen.gap.core.result import (
     EFFECTS_FOUND,
     NO_GAP,
@@ -26,7 +25,7 @@ from kfgen.gap.core.result import (
 )
 from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
-from kfgen.gap.rest.checks import checks_of
+from kfgen.gap.rest.checks import checks_of, without_losses
 from kfgen.gap.rest.comparison import ChannelGap, span_of
 from kfgen.gap.rest.course import own_noise_objection, with_objections
 from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
@@ -114,7 +113,7 @@ def channel_gap(
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)
     raw, random = at.raw, at.random
-    search = searched(at.search, search_limits(channels)).without_vanished()
+    search, gap = without_losses(searched(at.search, search_limits(channels)), raw, random.effects)
     before = tests_of(channel, as_written(raw, random.effects))
     base = search.base
     clean, after = cast(Record, base.problem.record), tests_of(channel, base)
@@ -132,7 +131,7 @@ def channel_gap(
         findings=tuple(findings),
         before=tuple(before),
         after=tuple(after),
-        gap=held_out_gap(raw, clean, random.effects, replace(base.problem, effects=base.fit.effects)),
+        gap=gap,
         span_s=span_of(at.whole),
         assumed=(*random.effects, *(t.effect for t in at.trusted)),
         updated=at.updated(noise, terms, changed=bool(findings) or retuned),

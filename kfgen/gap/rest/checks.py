@@ -1,4 +1,4 @@
-"""Three checks of every addition: it nests the assumed model, the log shows it, and it is found again.
+"""Checks of every addition: data that no fit saw bear it out, it nests the assumed model, and it is found again.
 
 The last simulates a record from the updated model, with the log's own time and drivers, and looks for the
 gap between that and what was assumed.
@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.gap.core.holdout import Gap, held_out_gap
 from kfgen.gap.core.result import Checks
-from kfgen.gap.core.search import grown
+from kfgen.gap.core.search import Refused, grown
 from kfgen.gap.rest.evidence import RETUNE
 from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
+from kfgen.gap.rest.words import loses_unseen
 from kfgen.identify.evidence.joint import JointRecord, records_of
 from kfgen.identify.evidence.record import Evidence, Record
 
@@ -52,6 +55,35 @@ def checks_of(
         again = tuple(c.name for c in found.chosen if c.name != RETUNE)
     named = tuple(c.name for c in search.chosen if c.name != RETUNE)
     return Checks(_nested(search, effects), seen, again, named)
+
+
+def without_losses(
+    search: ChannelExplanation, raw: Record, written: Sequence[Effect]
+) -> tuple[ChannelExplanation, Gap]:
+    """Without noise that vanished, and the effects, the last one first, with which the held-out mismatch surely grows.
+
+    Each was held against data that its fit did not see, but for what changes samples and for what time did not suffice.
+
+    Parameters
+    ----------
+    search : ChannelExplanation
+        Finished.
+    raw : Record
+        Less what assumed shapes give it.
+    written : sequence of Effect
+        The assumed random effects.
+    """
+    search = search.without_vanished()
+    base = search.base
+    clean = cast(Record, base.problem.record)
+    gap = held_out_gap(raw, clean, written, replace(base.problem, effects=base.fit.effects))
+    added = [k for k, c in enumerate(search.chosen) if c.name != RETUNE]
+    if not added or not gap.surely_grows:
+        return search, gap
+    last = added[-1]
+    why = loses_unseen((gap.after - gap.before) * raw.n)
+    less = search.less(last).refusing([Refused(*search.chosen[last].label, search.chosen[last].gain, why)])
+    return without_losses(less, raw, written)
 
 
 def _nested(search: ChannelExplanation, effects: Sequence[Effect]) -> float:

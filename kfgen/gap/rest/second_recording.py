@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from kfgen.effects import Effect
-from kfgen.gap.core.holdout import Gap, divergence, is_line, ratios
+from kfgen.gap.core.holdout import Gap, HeldOut, divergence, is_line, ratios
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.identify.evidence.record import Record
 
@@ -38,7 +38,7 @@ def gap_on(found: ChannelGap, other: Record, words: str) -> Gap:
     after, updated = _less(other, shapes), (*noise, *lines)
     theta = after.ordinates(updated).log_likelihood(updated).coefficients
     r1, _ = ratios(after, updated, theta)
-    return divergence(r0, r1, m, words)
+    return divergence(HeldOut(r0, r1, m), words)
 
 
 def happens_once(effect: Effect | type[Effect]) -> bool:

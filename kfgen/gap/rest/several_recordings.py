@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.noise_model import ChannelNoise
-from kfgen.gap.core.holdout import Gap, divergence, judged
+from kfgen.gap.core.holdout import Gap, HeldOut, divergence, judged
 from kfgen.gap.core.result import BAD_DATA
 from kfgen.gap.core.search import refused_of, searched
 from kfgen.gap.rest.channel_gap import (
@@ -169,5 +169,5 @@ def _in_turn(base: Candidate, assumed: Sequence[Effect]) -> Gap:
         rest = joint.records[:k] + joint.records[k + 1 :]
         updated = replace(problem, effects=base.fit.effects)
         parts.append(judged(left_out, left_out, rest, assumed, updated))
-    r0, r1, m = (np.concatenate(x) for x in zip(*parts))
-    return divergence(r0, r1, m, "each recording in turn")
+    r0, r1, m = (np.concatenate(x) for x in zip(*((p.before, p.after, p.m) for p in parts)))
+    return divergence(HeldOut(r0, r1, m), "each recording in turn")
