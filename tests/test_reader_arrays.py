@@ -249,6 +249,34 @@ def test_the_unit_of_stamps_is_found(unit: str, start: float, rate: float) -> No
     assert stamp_unit(f"time_{unit}", t) == unit
 
 
+@pytest.mark.parametrize(
+    ("stated", "seconds"), [("microseconds", 1e-6), ("msec", 1e-3), ("Seconds since 1970", 1e-6)]
+)
+def test_the_unit_of_stamps_may_be_spelled_out(tmp_path: Path, stated: str, seconds: float) -> None:
+    """As in the files of a maker of body-worn sensors, with an attribute of each array; what is no unit is found from the values."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["Time"] = np.round((1.62e9 + T) / seconds).astype(np.uint64)
+        file["Time"].attrs["Units"] = stated
+        file["Accelerometer"] = ACC
+        file["Accelerometer"].attrs["Units"] = "m/s^2"
+        file["Temperature"] = 25.0 + 0.0 * T
+        file["Temperature"].attrs["Units"] = "deg C"
+    log = read_log(tmp_path / "a.h5")
+    assert log.dt == pytest.approx(0.01, rel=1e-6)
+    assert log.channels["temperature"].values == pytest.approx(298.15)
+
+
+def test_of_several_sensors_in_one_file_the_first_is_read_and_the_others_are_named(tmp_path: Path) -> None:
+    sensors = {f"Sensors/{s}/Gyroscope": GYR + k for k, s in enumerate(("AA", "BB", "CC"))}
+    log = read_log(h5(tmp_path / "a.h5", {"Time": T, "Sensors/AA/Accelerometer": ACC, **sensors}))
+    assert log.channels["gyro_x"].values == pytest.approx(GYR[:, 0])
+    (said,) = [w for w in log.warnings if "channels of the same names" in w]
+    assert said.startswith("Sensors/AA is read, and not Sensors/BB, Sensors/CC,")
+    other = read_log(tmp_path / "a.h5", columns="gyro_x=Sensors/BB/Gyroscope_x [rad/s]")
+    assert other.channels["gyro_x"].values == pytest.approx(GYR[:, 0] + 1.0)
+
+
 @pytest.mark.parametrize(("kind", "library"), [("h5", "h5py"), ("parquet", "pyarrow")])
 def test_the_library_that_is_missing_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, library: str

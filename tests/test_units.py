@@ -159,7 +159,8 @@ def test_degrees_celsius_have_an_offset_of_their_own_only() -> None:
     assert to_si(25.0, "degC") == pytest.approx(298.15, abs=1e-12)
     assert from_si(273.15, "degC") == pytest.approx(0.0, abs=1e-12)
     assert to_si(25.0, "degC/s") == 25.0
-    assert to_si(25.0, "°C") == pytest.approx(298.15, abs=1e-12)
+    for spelling in ("°C", "° C", "deg C", "degrees C", "degrees Celsius"):
+        assert to_si(25.0, spelling) == pytest.approx(298.15, abs=1e-12)
     assert parse_unit(derived_unit("U/sqrt(Hz)", "°C")).same_dimension(parse_unit("K*sqrt(s)"))
     assert to_si(25.0, "m/degC") == 25.0
 

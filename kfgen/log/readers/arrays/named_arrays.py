@@ -21,7 +21,7 @@ from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.turning_gravity import gyro_unit
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
 from kfgen.log.readers.tables.axes import ned_attitude
-from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
+from kfgen.log.readers.tables.seconds import seconds_per, stamp_unit
 from kfgen.log.readers.tables.streams import LogRecording, LogStream
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
@@ -116,7 +116,7 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
         t, said = _time(group, rate, n)
         if t is None:
             continue
-        channels = _channels(group, t, text, words)
+        channels = _channels(_of_first_sensor(group, words), t, text, words)
         fix, place = _gnss(group, t)
         gnss += fix
         new = [w for w in (said, place) if w and (channels or fix)]
@@ -170,6 +170,11 @@ def _columns(arrays: Mapping[str, Named]) -> tuple[dict[str, Named], dict[str, f
     return columns, scalars
 
 
+def _stated_time(unit: str | None) -> str:
+    """The unit of stamps that is stated, if it is one of time; empty otherwise: their values then say what they are."""
+    return unit if unit and seconds_per(unit) is not None else ""
+
+
 def _time(group: Mapping[str, Named], rate: float | None, n: int) -> tuple[Array | None, str]:
     """Stamps [s] of a group: of the array that is called as times are and increases, or by the rate."""
     times = [
@@ -180,11 +185,32 @@ def _time(group: Mapping[str, Named], rate: float | None, n: int) -> tuple[Array
     times = [k for k in times if np.ptp(group[k].values[np.isfinite(group[k].values)]) > 0.0]
     if times:
         exact = [k for k in times if array_names.plain(k) in ("t", "time", "timestamp")]
-        by_name = {k: group[k].unit or stamp_unit(k, group[k].values) for k in exact or times}
+        by_name = {k: _stated_time(group[k].unit) or stamp_unit(k, group[k].values) for k in exact or times}
         name = min(by_name, key=lambda k: by_name[k] != "s")
         unit = by_name[name]
-        return group[name].values * UNITS_S.get(unit, 1.0), f"times are those of '{name}' [{unit}]"
+        return group[name].values * (seconds_per(unit) or 1.0), f"times are those of '{name}' [{unit}]"
     return (np.arange(n) / rate, "") if rate else (None, "")
+
+
+def _of_first_sensor(group: Mapping[str, Named], words: list[str]) -> dict[str, Named]:
+    """The arrays of a group; where several folders have the same channels, as many sensors in one file, of the first one."""
+    folder_of: dict[object, str] = {}
+    others: dict[str, tuple[str, str]] = {}
+    kept = {}
+    for name, array in group.items():
+        folder, axis, single = name.rpartition("/")[0], array_names.axis_of(name), array_names.single(name)
+        channel = axis[:2] if axis else single[0] if single else name
+        if folder_of.setdefault(channel, folder) == folder:
+            kept[name] = array
+        else:
+            others.setdefault(folder, (folder_of[channel], name))
+    if others:
+        first, name = next(iter(others.values()))
+        words.append(
+            f"{first} is read, and not {some_of(others)}, which have channels of the same names: map another sensor's "
+            f"with --columns, as in '{name}'"
+        )
+    return kept
 
 
 def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str]) -> dict[str, TableColumn]:

@@ -7,6 +7,9 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+
 Array = NDArray[np.float64]
 
 UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -47,6 +50,15 @@ def stamp_unit(name: str, values: Array) -> str:
     if step <= LONGEST_STEP_S:
         return "s"
     return min(UNITS_S, key=lambda u: abs(np.log(step * UNITS_S[u] * USUAL_HZ)))
+
+
+def seconds_per(unit: str) -> float | None:
+    """How many seconds a unit of time is; None where the text is none."""
+    try:
+        parsed = parse_unit(unit)
+    except InputError:
+        return None
+    return parsed.factor if parsed.same_dimension(parse_unit("s")) else None
 
 
 def _is_step(step_s: float) -> bool:

@@ -15,7 +15,7 @@ from kfgen.core.units import parse_unit
 from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.named_arrays import Named, table_of
 from kfgen.log.readers.arrays.turning_gravity import gyro_unit
-from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
+from kfgen.log.readers.tables.seconds import UNITS_S, seconds_per, stamp_unit
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -123,7 +123,12 @@ def _timed(columns: Mapping[str, TableColumn]) -> dict[str, TableColumn]:
     if "t" in columns or "tau" in columns:
         return dict(columns)
     name = next(
-        (k for k, c in columns.items() if array_names.is_time(k) and c.unit in (None, *UNITS_S)), None
+        (
+            k
+            for k, c in columns.items()
+            if array_names.is_time(k) and (c.unit is None or seconds_per(c.unit) is not None)
+        ),
+        None,
     )
     if name is None:
         return dict(columns)
