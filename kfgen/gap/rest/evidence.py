@@ -22,13 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.series import DECADES, Detection, WhiteSeries, log_mean
+from kfgen.effects.series import Detection, WhiteSeries, log_mean
 from kfgen.gap.core.search import Label
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.trust import chance_of_gains
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, as_it_stands, curvature, maximise
+from kfgen.identify.fit.laplace import log_evidence
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,12 @@ GRID_POINTS = {"time": 9, "slope": 5}
 """Of the grid on which a number of this kind is integrated that the record hardly bounds."""
 LAPLACE_MAX_SD_OF_LOG = 0.45
 """Standard deviation of a logarithm below which Laplace's method is good for such a number."""
+FAR_BELOW_NATS = 12.0
+"""Below the evidence of the best, whose integral a candidate of no more than that need not have."""
+TOLERANCE_OF_TRIAL_NATS = 1e-2
+"""Gain of log-likelihood below which the fit of a candidate ends that may be far below the best."""
+TOLERANCE_OF_EVIDENCE_NATS = 1e-3
+"""The same of one that is weighed."""
 MAX_NATS_OF_FAINT = -2.0
 """Evidence of a shape over nothing below which it is too faint to move the noise that it is fitted with."""
 MAX_LOSS_OF_PLACE_NATS = 20.0
@@ -85,61 +92,6 @@ class Candidate:
     def changes_samples(self) -> bool:
         """Whether it changes the samples instead of adding a spectrum or a shape."""
         return self.detect is not None and self.detect.evidence is not None
-
-
-def log_evidence(problem: Problem, fit: Fit, H: Array | None = None) -> float:
-    """The logarithm of the marginal likelihood, up to a constant of the record [nats].
-
-    Parameters
-    ----------
-    problem, fit
-        And its maximum.
-    H : ndarray, shape (k, k), optional
-        The `curvature` there, where it is known.
-    """
-    value = fit.likelihood.value
-    k = fit.point.size
-    for key, x in zip(fit.free, fit.point.tolist()):
-        prior = problem.priors.get(key)
-        if prior is not None:
-            value += prior.log_density(x) - float(np.log(prior.deviation * np.sqrt(2 * np.pi)))
-        else:
-            value -= float(np.log(_width(problem, key)))
-    if k:
-        floor = 2.0 * np.pi / np.array([_volume(problem, key) for key in fit.free]) ** 2
-        H = curvature(problem, fit.point) if H is None else H
-        scaled = H / np.sqrt(np.outer(floor, floor))
-        eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
-        value += 0.5 * k * float(np.log(2 * np.pi)) - 0.5 * float(np.log(eigenvalues).sum())
-        value -= 0.5 * float(np.log(floor).sum())
-    return value + _linear_evidence(fit)
-
-
-def _width(problem: Problem, key: Key) -> float:
-    """Width of the log-uniform prior of a free parameter."""
-    lo, hi = problem.bounds[problem.free.index(key)]
-    kinds = {p.name: p.kind for p in problem.effects[key[0]].parameters()}
-    return DECADES if kinds[key[1]] == "size" else hi - lo
-
-
-def _volume(problem: Problem, key: Key) -> float:
-    """The most that a parameter's likelihood can spread: its prior's width."""
-    prior = problem.priors.get(key)
-    return prior.deviation * float(np.sqrt(2 * np.pi)) if prior is not None else _width(problem, key)
-
-
-def _linear_evidence(fit: Fit) -> float:
-    theta, covariance = fit.likelihood.coefficients, fit.likelihood.covariance
-    if not theta.size:
-        return 0.0
-    _, logdet = np.linalg.slogdet(covariance)
-    value, at = 0.5 * theta.size * float(np.log(2 * np.pi)) + 0.5 * float(logdet), 0
-    for effect in fit.effects:
-        k = len(effect.coefficients())
-        if k:
-            value += effect.log_prior(covariance[at : at + k, at : at + k])
-            at += k
-    return value
 
 
 def assumed(record: Evidence, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
@@ -205,14 +157,10 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
     allowed = additions(base, series_of(base), without)
     cost = float(np.log(len(allowed) + 1))
     reference = log_evidence(base.problem, base.fit) + cost
-    found = [
-        _added(f, base, reference + f[0].effect.rarer_by_nats(), cost + f[0].effect.rarer_by_nats())
-        for f in allowed
-    ]
-    found = [
-        c if c.changes_samples else replace(c, gain=c.gain - chance_of_gains(c.problem.record, c.fit.effects))
-        for c in found
-    ]
+    found: list[Candidate] = []
+    for starts, most in sorted(((s, _at_most(s, base, cost)) for s in allowed), key=lambda m: -m[1].gain):
+        best = max((c.gain for c in found), default=-np.inf)
+        found.append(_valued(starts, most, best - FAR_BELOW_NATS, reference))
     found = [c for c in found if np.isfinite(c.gain)]
     if RETUNE not in without:
         found.append(_retuned(base, reference))
@@ -277,24 +225,15 @@ def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
     return {key: replace(p, deviation=max(RETUNED_SD_OF_LOG, p.deviation)) for key, p in priors.items()}
 
 
-def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost: float) -> Candidate:
-    """The assumed model with one more effect, from the most promising of its starts."""
+def _at_most(starts: Sequence[Detection], base: Candidate, cost: float) -> Candidate:
+    """The assumed model with one more effect, from the most promising of its starts: what its fit gains, which no
+    integral over its numbers exceeds; or what was found to be its evidence.
+    """
     name, known = starts[0].effect.name, base.fit.effects
     if starts[0].evidence is not None:
         return Candidate(name, base.fit, base.problem, starts[0].evidence - cost, starts[0])
-    at = len(known)
-    first = Problem(
-        base.problem.record,
-        (*known, starts[0].effect),
-        base.problem.priors,
-        base.problem.fixed,
-        {**base.problem.times, **({at: TIME_LIMITS[name]} if name in TIME_LIMITS else {})},
-    )
-    places = any(p.kind == "place" for p in starts[0].effect.parameters())
-    if places and len(starts) > 1:
-        return _over_places(first, starts, known, reference)
     tried = [
-        (first.starting((*known, scaled)), s)
+        (_with(base, (*known, scaled)), s)
         for s in starts
         for scaled in (
             _scaled(s.effect, size) for size in (START_SIZE_FACTORS if s.effect.sizes() else (1.0,))
@@ -302,28 +241,55 @@ def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost:
     ]
     values = [p.objective(p.start()) for p, _ in tried]
     problem, detection = tried[int(np.argmin(values))]
-    fit = maximise(problem)
-    H = curvature(problem, fit.point)
+    fit = maximise(problem, TOLERANCE_OF_TRIAL_NATS)
+    return Candidate(name, fit, problem, fit.value - base.fit.value + detection.located - cost, detection)
+
+
+def _valued(starts: Sequence[Detection], most: Candidate, least: float, reference: float) -> Candidate:
+    """A candidate with its evidence; one that cannot have the least of it stays with what it can have at most."""
+    rarer = starts[0].effect.rarer_by_nats()
+    if most.changes_samples:
+        return replace(most, gain=most.gain - rarer)
+    c = most
+    if most.gain - rarer > least:
+        c = _over_places(starts, most, reference) if _has_places(starts) else _weighed(most, reference)
+    return replace(c, gain=c.gain - rarer - chance_of_gains(c.problem.record, c.fit.effects))
+
+
+def _has_places(starts: Sequence[Detection]) -> bool:
+    return len(starts) > 1 and any(p.kind == "place" for p in starts[0].effect.parameters())
+
+
+def _with(base: Candidate, effects: tuple[Effect, ...]) -> Problem:
+    """The problem of the model with one more effect, the last one."""
+    problem, name, at = base.problem, effects[-1].name, len(effects) - 1
+    times = {**problem.times, **({at: TIME_LIMITS[name]} if name in TIME_LIMITS else {})}
+    return Problem(problem.record, effects, problem.priors, problem.fixed, times)
+
+
+def _weighed(most: Candidate, reference: float) -> Candidate:
+    """A fitted candidate with its evidence."""
+    problem, detection = most.problem, most.detect
+    assert detection is not None
+    fit = maximise(problem.starting(most.fit.effects), TOLERANCE_OF_EVIDENCE_NATS)
+    at, H = len(fit.effects) - 1, curvature(problem, fit.point)
     value = log_evidence(problem, fit, H)
     wide = [key for key in fit.free if key[0] == at and _kind(problem, key) in GRID_POINTS]
     if wide and not _is_closed(problem, fit, wide[0], H):
         value, best = _integrated(problem, fit, wide[0])
         if best.value > fit.value:
             problem = problem.starting(best.effects)
-            fit = maximise(problem)
-    if not fit.effects[-1].is_itself(base.problem.record.duration):
+            fit = maximise(problem, TOLERANCE_OF_EVIDENCE_NATS)
+    if not fit.effects[-1].is_itself(problem.record.duration):
         value = -np.inf
-    return Candidate(name, fit, problem, value + detection.located - reference, detection)
+    return Candidate(most.name, fit, problem, value + detection.located - reference, detection)
 
 
-def _over_places(
-    first: Problem, starts: Sequence[Detection], known: Sequence[Effect], reference: float
-) -> Candidate:
-    """A shape held at each of several places: the best fit, and the evidence over all of them."""
-    problems = [first.starting((*known, s.effect)) for s in starts]
-    nearest = int(np.argmin([p.objective(p.start()) for p in problems]))
-    fit = maximise(problems[nearest])
-    problems = [p.starting((*fit.effects[:-1], s.effect)) for p, s in zip(problems, starts)]
+def _over_places(starts: Sequence[Detection], most: Candidate, reference: float) -> Candidate:
+    """A shape held at each of several places, fitted at one of them: the best fit, and the evidence over all of them."""
+    first, fit = most.problem, most.fit
+    nearest = next(k for k, s in enumerate(starts) if s is most.detect)
+    problems = [first.starting((*fit.effects[:-1], s.effect)) for s in starts]
     H = curvature(problems[nearest], fit.point)
     fits = [fit if k == nearest else as_it_stands(p) for k, p in enumerate(problems)]
     values = np.array([log_evidence(p, f, H) for p, f in zip(problems, fits)])
@@ -379,7 +345,7 @@ def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
     points = GRID_POINTS[_kind(problem, key)]
     for x in lo + (hi - lo) * (np.arange(points) + 0.5) / points:
         held = problem.starting(fit.effects).pin(key, float(np.exp(x)))
-        fits.append(maximise(held))
+        fits.append(maximise(held, TOLERANCE_OF_EVIDENCE_NATS))
         values.append(log_evidence(held, fits[-1]))
     return log_mean(np.array(values)), max(fits, key=lambda f: f.value)
 

@@ -26,7 +26,6 @@ from kfgen.gap.rest.evidence import (
     Candidate,
     assumed,
     candidates,
-    log_evidence,
     loosened,
     series_of,
 )
@@ -35,6 +34,7 @@ from kfgen.gap.rest.trust import moved
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Key, Prior, Problem, maximise
+from kfgen.identify.fit.laplace import log_evidence
 
 UNRIVALLED_PROBABILITY = 0.9999
 """Probability of a name that had no rival."""
