@@ -138,6 +138,29 @@ def test_outliers_that_no_spectrum_shows_are_a_gap_that_closes() -> None:
     assert gap.closed > 0.95
 
 
+def test_ten_large_samples_are_a_gap_that_no_band_shows() -> None:
+    """Ten of 6.5 standard deviations are in the class from 1e-8 to 1e-12 of a normal law, where 1.6e-4 of a sample is
+    expected: ``c ln(c / e) - c + e`` is 100 nats; chance in bands and classes is 15 nats at 4 sigma.
+    """
+    y = noisy(14, 1.0)
+    at = np.arange(800, N, 1600)
+    y[at] = 6.5 * np.sign(y[at])
+    raw, white = Record(T, y), make("white_noise", N=1.0)
+    outliers = Detection(make("outliers", share=10.0 / N, sigma=6.5), evidence=100.0)
+    problem = Problem(raw, (white,))
+    found = ChannelExplanation(
+        raw,
+        (white,),
+        {},
+        (Chosen(Candidate("outliers", maximise(problem), problem, 100.0, detect=outliers), {}),),
+    )
+    kept, gap = without_losses(found, raw, [white])
+    assert [c.name for c in kept.chosen] == ["outliers"]
+    expected = N * (1e-8 - 1e-12)
+    assert gap.before * N == pytest.approx(10.0 * np.log(10.0 / expected) - 10.0, abs=15.0)
+    assert gap.closed > 0.8
+
+
 def test_what_makes_the_mismatch_larger_on_held_out_data_is_not_kept() -> None:
     """A change of the noise that is not there: twice as loud from the middle on, and so halved to remove it."""
     record = Record(T, noisy(13, 1.0))

@@ -46,8 +46,12 @@ MIN_SEEN_SHARE = 0.02
 """Of the power of a course of shapes in the part to which they are fitted, below which that part does not tell its size."""
 BLOCKS = 32
 """Into which a record is cut to leave out every other one."""
-CLASSES_BEYOND = np.array([0.8, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 3e-4])
+CLASSES_BEYOND = np.array(
+    [0.8, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-12]
+)
 """Share of normal samples beyond the end of each class of sizes but the last."""
+MIN_SURE_LOSS_NATS = 10.0
+"""Of an updated model on all that was held out, below which it may be chance."""
 INTERVAL_DRAWS = 2000
 METRIC = "held-out log-likelihood per sample above the noise floor"
 
@@ -60,6 +64,8 @@ class Gap:
     ----------
     held_out : str
         What was held out, in words.
+    samples : float
+        That were held out.
     """
 
     before: float
@@ -67,11 +73,17 @@ class Gap:
     closed: float
     ci95: tuple[float, float]
     held_out: str = ""
+    samples: float = 0.0
 
     @property
     def surely_grows(self) -> bool:
         """Whether the updated model is worse than the assumed one beyond chance."""
-        return self.after > self.before and self.ci95[1] <= 0.0
+        return self.lost_nats > MIN_SURE_LOSS_NATS and self.ci95[1] <= 0.0
+
+    @property
+    def lost_nats(self) -> float:
+        """By which the mismatch of all that was held out grows."""
+        return (self.after - self.before) * self.samples
 
 
 @dataclass(frozen=True)
@@ -100,8 +112,8 @@ class HeldOut:
         return _expected_sizes(self.sizes_before)
 
     def lost(self, r: Array, counts: Array) -> Array:
-        """Nats lost, less what chance loses, shape (...,) of ratios (..., bands) and counts (..., classes)."""
-        return lost(r, self.m) + _lost_by_size(counts, self.expected)
+        """Nats lost in all, what chance loses included, shape (...,) of ratios (..., bands) and counts (..., classes)."""
+        return lost(r, self.m) + 0.5 * self.m.size + _lost_by_size(counts, self.expected)
 
 
 def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
@@ -219,10 +231,10 @@ def _expected_sizes(counts: Array) -> Array:
 
 
 def _lost_by_size(counts: Array, expected: Array) -> Array:
-    """Nats that a normal law loses on counts of shape (..., classes), less what chance loses."""
+    """Nats that a normal law loses on counts of shape (..., classes), what chance loses included."""
     with np.errstate(divide="ignore", invalid="ignore"):
         lost = np.where(counts > 0.0, counts * np.log(counts / expected), 0.0) - counts + expected
-    return np.asarray(lost.sum(axis=-1) - 0.5 * max(counts.shape[-1] - 1, 0))
+    return np.asarray(lost.sum(axis=-1))
 
 
 def divergence(held: HeldOut, words: str) -> Gap:
@@ -237,17 +249,19 @@ def divergence(held: HeldOut, words: str) -> Gap:
     rng, m = np.random.default_rng(0), held.m
     chance = rng.chisquare(m, (INTERVAL_DRAWS, m.size)) / m
     c0, c1 = held.sizes_before, held.sizes_after
-    luck = rng.poisson(held.expected, (INTERVAL_DRAWS, c0.size)) / held.expected
-    floor = 0.5 * (m.size + max(c0.size - 1, 0))
-    lost0, lost1 = float(held.lost(held.before, c0)), float(held.lost(held.after, c1))
-    draws0 = held.lost(held.before * chance, c0 * luck) - floor
-    draws1 = np.maximum(held.lost(held.after * chance, c1 * luck) - floor, 0.0)
+    chance_of_sizes = rng.poisson(held.expected, (INTERVAL_DRAWS, c0.size)).astype(np.float64)
+    floor = 0.5 * m.size + float(np.mean(_lost_by_size(chance_of_sizes, held.expected)))
+    lost0, lost1 = float(held.lost(held.before, c0)) - floor, float(held.lost(held.after, c1)) - floor
+    again = rng.poisson(np.maximum(c0, 1.0), (INTERVAL_DRAWS, c0.size)) / np.maximum(c0, 1.0)
+    more = floor + 0.5 * (m.size + np.count_nonzero(c0))  # what a second chance loses
+    draws0 = held.lost(held.before * chance, c0 * again) - more
+    draws1 = np.maximum(held.lost(held.after * chance, c1 * again) - more, 0.0)
     closed = 1.0 - max(lost1, 0.0) / lost0 if lost0 > 0.0 else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(draws0 > 0.0, 1.0 - draws1 / draws0, 0.0)
     lo, hi = np.clip(np.quantile(shares, [0.025, 0.975]), -1.0, 1.0).tolist()
     closed, n = max(closed, -1.0), float(m.sum())
-    return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), words)
+    return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), words, n)
 
 
 def _masked(

@@ -81,7 +81,7 @@ def without_losses(
     if not added or not gap.surely_grows:
         return search, gap
     last = added[-1]
-    why = loses_unseen((gap.after - gap.before) * raw.n)
+    why = loses_unseen(gap.lost_nats)
     less = search.less(last).refusing([Refused(*search.chosen[last].label, search.chosen[last].gain, why)])
     return without_losses(less, raw, written)
 
