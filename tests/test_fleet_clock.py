@@ -7,6 +7,7 @@ numpy with fixed seeds: N differs by 5 % between sensors, a corner by 3 %, a lin
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,37 @@ def test_noise_alone_or_too_few_sensors_are_no_clock() -> None:
     loud = {f"log{k}": answer(rng, noise=1.3 if k == 2 else 1.0) for k in range(6)}
     assert clock_factors(loud) == ()
     assert clock_factors({f"log{k}": answer(rng, 1.2 if k else 1.0) for k in range(3)}) == ()
+
+
+def changed(own: LogAnswer, corners: tuple[float, ...], noises: tuple[float, ...]) -> LogAnswer:
+    """A sensor with other corners and N, axis by axis, by factors."""
+    effects = tuple(
+        replace(e, parameters={"N": replace(N, value=k * N.value)})
+        for e, k in zip(own.effects, noises)
+        for N in e.parameters.values()
+    )
+    frequencies = {
+        axis: replace(f, corner=k * f.corner) for (axis, f), k in zip(own.frequencies.items(), corners)
+    }
+    return replace(own, effects=effects, frequencies=frequencies)
+
+
+def test_a_corner_that_is_far_off_is_no_clock() -> None:
+    """As of a body-worn sensor of an older series: one corner four times as high, another one and N off both ways."""
+    for seed in range(20):
+        rng = np.random.default_rng(2000 + seed)
+        answers = {f"log{k}": answer(rng, lines=False) for k in range(6)}
+        answers["log2"] = changed(answers["log2"], (4.0, 1.35, 0.6), (0.75, 1.1, 0.8))
+        assert clock_factors(answers) == ()
+
+
+def test_a_line_in_its_place_refutes_a_clock() -> None:
+    """Corners a sixth higher and N lower by the root of that, as of a clock; the line of all others is where theirs is."""
+    for seed in range(20):
+        rng = np.random.default_rng(3000 + seed)
+        answers = {f"log{k}": answer(rng) for k in range(6)}
+        answers["log2"] = changed(answers["log2"], (1.35,) * 3, (1.35**-0.5,) * 3)
+        assert clock_factors(answers) == ()
 
 
 def log(seed: int, rate: float, stated: float = 100.0) -> Log:

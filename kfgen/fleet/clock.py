@@ -28,9 +28,13 @@ LINE_SD, CORNER_SD, NOISE_SD = 0.01, 0.06, 0.06
 """Standard deviations of the logarithm of frequencies, of corners, and of N between sensors of one kind, at least."""
 AGREEING_DEVIATIONS = 2.5
 """Standard deviations within which two factors are one."""
+MIN_AGREEING_SHARE = 0.75
+"""Of corners and N of all channels, that one factor must explain where no line says it."""
 GAIN_BESIDE_A_LINE, GAIN_WITHOUT_A_LINE = 6.0, 36.0
 """Twice the log-likelihood that corners and N gain by the factor of a line; by their own, for they differ by themselves."""
 KINDS = ("lines", "low-pass", "N")
+OWN_LINE = "a line in its place"
+"""A sign against any factor."""
 
 
 @dataclass(frozen=True)
@@ -108,8 +112,13 @@ def _factor(log: str, own: LogAnswer, others: Sequence[LogAnswer]) -> ClockFacto
 def _tried(group: list[_Shift], rest: list[_Shift]) -> tuple[float, list[_Shift]] | None:
     """What the other signs gain by the factor of a group, and all that agree; None where they do not bear it out."""
     lines = any(s.kind == "lines" for s in group)
-    mean, _ = _mean(group if lines else rest)
-    gains = {k: sum(_gain(s, mean) for s in rest if s.kind == k) for k in KINDS}
+    signs = [s for s in rest if s.kind != OWN_LINE]
+    mean, _ = _mean(group if lines else [s for s in signs if _may_be_a_clock(s)] or signs)
+    agreeing = sum(abs(s.log_factor - mean) < AGREEING_DEVIATIONS * s.sd for s in signs)
+    if not lines and agreeing < MIN_AGREEING_SHARE * len(signs):
+        return None
+    rest = [s for s in rest if _may_be_a_clock(s)]
+    gains = {k: sum(_gain(s, mean) for s in rest if s.kind == k) for k in (*KINDS, OWN_LINE)}
     kinds = [k for k in KINDS if gains[k] > 0.0]
     total = sum(gains.values())
     if len(kinds) + lines < 2 or total < (GAIN_BESIDE_A_LINE if lines else GAIN_WITHOUT_A_LINE):
@@ -129,6 +138,11 @@ def _gain(shift: _Shift, mean: float) -> float:
     return float((shift.log_factor**2 - (shift.log_factor - mean) ** 2) / shift.sd**2)
 
 
+def _may_be_a_clock(shift: _Shift) -> bool:
+    """Whether a sign is near a factor that is looked for: one that is far beyond all of them has a reason of its own."""
+    return abs(shift.log_factor) < MAX_LOG_FACTOR + AGREEING_DEVIATIONS * shift.sd
+
+
 def _shifts(channel: str, own: LogAnswer, others: Sequence[LogAnswer]) -> list[_Shift]:
     """What the lines, the low-pass and the noise of a channel say of a factor."""
     found = []
@@ -136,7 +150,9 @@ def _shifts(channel: str, own: LogAnswer, others: Sequence[LogAnswer]) -> list[_
     mine = own.frequencies[channel]
     for line in _common([f.lines for f in there]):
         near = [float(np.log(line / f)) for f in mine.lines]
-        if not any(abs(r) < AGREEING_DEVIATIONS * LINE_SD for r in near):  # else it has that line itself
+        if any(abs(r) < AGREEING_DEVIATIONS * LINE_SD for r in near):
+            found.append(_Shift(0.0, LINE_SD, OWN_LINE))
+        else:
             found += [_Shift(r, LINE_SD, "lines") for r in near if abs(r) < MAX_LOG_FACTOR]
     corners = [f.corner for f in there if f.corner > 0.0]
     if mine.corner > 0.0 and len(corners) > MIN_LINE_SHARE * len(there):
