@@ -7,6 +7,7 @@ than four with a probability of 0.3 %; seeds are fixed.
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from kfgen.effects.series import adc_step
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import Identified, identify
 from kfgen.identify.screening.cleaning import cleaned, heavy_tailed
-from kfgen.identify.screening.shocks import bridged, shocks
+from kfgen.identify.screening.shocks import away_from_neighbours, bridged, shocks
 
 Array = NDArray[np.float64]
 Find = Callable[[str], Path]
@@ -161,3 +162,13 @@ def test_what_bridges_a_shock_has_the_power_of_the_noise() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.09])
 def test_outliers_everywhere_are_no_shocks(share: float) -> None:
     assert [shocks(planted(seed, share, 20.0)[0]) for seed in range(30)] == [[]] * 30
+
+
+def test_a_sensor_that_slept_for_half_of_the_record_gives_no_warning_of_python() -> None:
+    """It repeats one value but for the last digit of a double; what is noise elsewhere was divided by next to nothing."""
+    rng = np.random.default_rng(21)
+    y = np.concatenate([9.8 * rng.standard_normal(4000), np.full(6000, 0.07)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert shocks(y) is not None
+        assert np.isfinite(away_from_neighbours(y)[0] / away_from_neighbours(y)[1]).all()

@@ -36,6 +36,8 @@ MAX_SHARE_OF_HANDLINGS = 0.15
 """Of the record, of so few."""
 EDGE_SAMPLES = 16
 """Samples on either side from which the straight line starts."""
+SMALLEST_SHARE_OF_RANGE = 1e-9
+"""Of the range of a record, that its noise is taken to have at least: a sensor that slept repeats one value."""
 
 
 def away_from_neighbours(y: Array) -> tuple[Array, float]:
@@ -55,7 +57,8 @@ def away_from_neighbours(y: Array) -> tuple[Array, float]:
     away = np.zeros(y.size)
     away[1:-1] = y[1:-1] - 0.5 * (y[:-2] + y[2:])
     scale = 1.4826 * float(np.median(np.abs(away)))
-    return away, max(scale, 0.5 * adc_step(y), float(np.finfo(float).tiny))
+    least = SMALLEST_SHARE_OF_RANGE * float(np.ptp(y))
+    return away, max(scale, 0.5 * adc_step(y), least, float(np.finfo(float).tiny))
 
 
 def shocks(y: Array) -> list[Span]:
