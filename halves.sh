@@ -1,1 +1,0 @@
-. /tmp/env.sh; cd $1; for f in *_a.csv; do b=${f%_a.csv}; kfgen identify ${b}_a.csv -o $b.toml > $b.id.txt 2>&1; /usr/bin/time -f "%U s" kfgen gap ${b}_b.csv --model $b.toml --json $b.json > $b.gap.txt 2>&1; tail -1 $b.gap.txt; done
