@@ -165,10 +165,10 @@ def test_outliers_everywhere_are_no_shocks(share: float) -> None:
 
 
 def test_a_sensor_that_slept_for_half_of_the_record_gives_no_warning_of_python() -> None:
-    """It repeats one value but for the last digit of a double; what is noise elsewhere was divided by next to nothing."""
+    """It repeats one value, so that what it measured before was divided by next to nothing."""
     rng = np.random.default_rng(21)
     y = np.concatenate([9.8 * rng.standard_normal(4000), np.full(6000, 0.07)])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert shocks(y) is not None
+        shocks(y)
         assert np.isfinite(away_from_neighbours(y)[0] / away_from_neighbours(y)[1]).all()

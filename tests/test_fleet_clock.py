@@ -89,7 +89,7 @@ def test_a_corner_that_is_far_off_is_no_clock() -> None:
 
 
 def test_a_line_in_its_place_refutes_a_clock() -> None:
-    """Corners a sixth higher and N lower by the root of that, as of a clock; the line of all others is where theirs is."""
+    """Corners a third higher and N lower by the root of that, as of a clock; the line of all others is where theirs is."""
     for seed in range(20):
         rng = np.random.default_rng(3000 + seed)
         answers = {f"log{k}": answer(rng) for k in range(6)}

@@ -113,11 +113,10 @@ def _tried(group: list[_Shift], rest: list[_Shift]) -> tuple[float, list[_Shift]
     """What the other signs gain by the factor of a group, and all that agree; None where they do not bear it out."""
     lines = any(s.kind == "lines" for s in group)
     signs = [s for s in rest if s.kind != OWN_LINE]
-    mean, _ = _mean(group if lines else [s for s in signs if _may_be_a_clock(s)] or signs)
+    mean, _ = _mean(group if lines else signs)
     agreeing = sum(abs(s.log_factor - mean) < AGREEING_DEVIATIONS * s.sd for s in signs)
     if not lines and agreeing < MIN_AGREEING_SHARE * len(signs):
         return None
-    rest = [s for s in rest if _may_be_a_clock(s)]
     gains = {k: sum(_gain(s, mean) for s in rest if s.kind == k) for k in (*KINDS, OWN_LINE)}
     kinds = [k for k in KINDS if gains[k] > 0.0]
     total = sum(gains.values())
@@ -136,11 +135,6 @@ def _mean(shifts: Sequence[_Shift]) -> tuple[float, float]:
 def _gain(shift: _Shift, mean: float) -> float:
     """Twice the log-likelihood of a sign at a factor over that at none."""
     return float((shift.log_factor**2 - (shift.log_factor - mean) ** 2) / shift.sd**2)
-
-
-def _may_be_a_clock(shift: _Shift) -> bool:
-    """Whether a sign is near a factor that is looked for: one that is far beyond all of them has a reason of its own."""
-    return abs(shift.log_factor) < MAX_LOG_FACTOR + AGREEING_DEVIATIONS * shift.sd
 
 
 def _shifts(channel: str, own: LogAnswer, others: Sequence[LogAnswer]) -> list[_Shift]:

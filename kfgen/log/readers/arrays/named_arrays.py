@@ -188,7 +188,7 @@ def _time(group: Mapping[str, Named], rate: float | None, n: int) -> tuple[Array
         by_name = {k: _stated_time(group[k].unit) or stamp_unit(k, group[k].values) for k in exact or times}
         name = min(by_name, key=lambda k: by_name[k] != "s")
         unit = by_name[name]
-        return group[name].values * (seconds_per(unit) or 1.0), f"times are those of '{name}' [{unit}]"
+        return group[name].values * parse_unit(unit).factor, f"times are those of '{name}' [{unit}]"
     return (np.arange(n) / rate, "") if rate else (None, "")
 
 
