@@ -55,7 +55,7 @@ def test_a_flicker_is_a_bank_of_times_four_to_one() -> None:
 
 def test_a_flicker_of_which_only_its_size_is_stated_is_over_all_that_the_record_shows() -> None:
     bare = make("bias_instability", B=2.0)
-    wide, narrow = bare.extended_band(0.01, 1e5), bare.extended_band(5.0, 100.0)
+    wide, narrow = bare.in_record(0.01, 1e5), bare.in_record(5.0, 100.0)
     assert (wide.shortest, wide.longest) == (0.01, 1e5)
     assert (narrow.shortest, narrow.longest) == (1.0, 1e4)
 

@@ -21,6 +21,7 @@ from kfgen.effects import make
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
+from kfgen.log.pauses import in_words, longest_part
 from kfgen.model.filter import FilterModel
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "flight"))
@@ -208,3 +209,34 @@ def test_a_product_of_forces_costs_what_its_coefficient_must_be_larger() -> None
     # The path's forces have less noise than the samples: what is small is smaller there.
     assert all(costs[n] >= np.log(swing[most] / swing[n]) - 0.7 for n in costs)
     assert max(costs.values()) > 1.0
+
+
+def paused() -> Log:
+    """The flight with 20 s of it not logged."""
+    log = as_it_was()
+    kept = (log.t < log.t[0] + 15.0) | (log.t > log.t[0] + 35.0)
+    channels = {n: replace(c, values=c.values[kept]) for n, c in log.channels.items()}
+    return Log(log.t[kept], channels, source="flight")
+
+
+def test_the_longest_part_of_a_log_is_that_between_its_pauses() -> None:
+    log = paused()
+    part = longest_part(log)
+    assert part.t[[0, -1]] - as_it_was().t[0] == pytest.approx((35.0, 60.0), abs=0.05)
+    assert "no row for 20" in in_words(log)
+    assert "pause" not in in_words(log)
+    assert longest_part(as_it_was()) is as_it_was()
+
+
+def test_a_run_through_a_pause_is_warned_of() -> None:
+    said = kf.run(model(), paused()).cautions
+    assert any("no row for 20" in w and "Cut the log there" in w for w in said)
+    assert not any("no row" in w for w in kf.run(model(), as_it_was().cut(0, 500)).cautions)
+
+
+@pytest.mark.long
+def test_a_gap_of_a_log_with_a_pause_is_that_of_its_longest_part() -> None:
+    found = kf.find_gap(paused(), model())
+    start, stop = found.comparisons[0].span_s
+    assert stop - start == pytest.approx(25.0, abs=1.5)
+    assert any("no row for 20" in w and "its longest part" in w for w in found.warnings)

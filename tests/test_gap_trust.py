@@ -167,8 +167,8 @@ def test_a_flicker_of_which_only_B_is_stated_reaches_to_the_samples(seed: int) -
 
 def test_a_stated_band_of_flicker_is_assumed() -> None:
     stated = make("bias_instability", B=2 * N, shortest=1.0, longest=1000.0)
-    assert stated.extended_band(0.05, 1e5) is stated
-    open_band = make("bias_instability", B=2 * N).extended_band(0.05, 1e5)
+    assert stated.in_record(0.05, 1e5) is stated
+    open_band = make("bias_instability", B=2 * N).in_record(0.05, 1e5)
     assert open_band == make("bias_instability", B=2 * N, shortest=0.05, longest=1e5)
 
 

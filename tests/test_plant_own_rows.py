@@ -11,8 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
-from driven_cart import RATE, SIGMA, N, cart, driven, gap_of
+from driven_cart import CART, RATE, SIGMA, N, cart, driven, gap_of
 from in_part import in_part
+
+import kfgen as kf
+from kfgen.gap.plant.wiring import plant_scene
+from kfgen.log.log import Channel
+from kfgen.model.plant.user import read_model
 
 Cli = Callable[..., Result]
 
@@ -69,3 +74,19 @@ def test_coloured_noise_is_said(kfgen: Cli, tmp_path: Path) -> None:
 def test_nothing_is_left_of_a_sound_log(kfgen: Cli, tmp_path: Path) -> None:
     assert gap_of(tmp_path, *cart(np.random.default_rng(176130))).verdict == "no_gap"
     assert "What is left" not in kfgen("gap", tmp_path / "log.csv", "--model", tmp_path / "cart.toml").output
+
+
+@pytest.mark.parametrize("rows", [1, 4])
+def test_noise_may_be_given_of_a_sample(tmp_path: Path, rows: int) -> None:
+    """Its standard deviation is that of the samples that the sensor has, however fast the log, and in the filter."""
+    model = tmp_path / "cart.toml"
+    text = CART.replace('N = "NOISE m/sqrt(Hz)"', f'sd = "{SIGMA} m"')
+    model.write_text(text.replace("k = ", "stiffness = ").replace("k*q", "stiffness*q"), encoding="utf-8")
+    u, seen = cart(np.random.default_rng([176142, rows]))
+    seen[np.arange(N) % rows != 0] = np.nan
+    log = kf.Log(np.arange(N) / RATE, {"u": Channel(u, "N"), "q_seen": Channel(seen, "m")}, "log")
+    scene = plant_scene(read_model(str(model)), log)
+    assert scene.recorded["q_seen"].noise == pytest.approx(SIGMA, rel=1e-6)
+    expected = kf.run(model, log).sensors["q_seen"].deviation
+    assert expected is not None
+    assert expected[0] == pytest.approx(np.hypot(SIGMA, 0.01), rel=1e-6)  # beside the place at the start

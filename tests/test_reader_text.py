@@ -76,6 +76,7 @@ def test_dates_are_seconds(tmp_path: Path, ends: str, between: str) -> None:
     log = read_log(text(tmp_path, "\n".join(["time,x [m]", *rows]) + "\n"))
     start = 1772323200.0 - (7200.0 if ends == "+02:00" else 0.0)
     assert log.t == pytest.approx(start + T, abs=1e-6)
+    assert any("without a time zone" in w for w in log.warnings) == (ends == "")
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ns", 1e9), ("us", 1e6), ("ms", 1e3)])

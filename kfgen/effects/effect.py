@@ -155,8 +155,8 @@ class Effect:
         """By how many nats it is rarer than others, before any data: that of its class, unless its values say more."""
         return self.prior_penalty_nats
 
-    def extended_band(self, dt: float, duration: float) -> Self:
-        """What the effect is in a record of this sampling period and length [s]: itself, unless its band is open."""
+    def in_record(self, dt: float, duration: float) -> Effect:
+        """What the effect is in a record of this sampling period and length [s]: itself, unless its numbers leave that open."""
         return self
 
     @classmethod

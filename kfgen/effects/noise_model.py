@@ -91,9 +91,9 @@ class ChannelNoise:
         """The effects alone."""
         return tuple(term.effect for term in self.terms)
 
-    def extended_band(self, dt: float, duration: float) -> ChannelNoise:
-        """The same noise for a record: a band that nobody stated is as wide as the record shows [s]."""
-        terms = tuple(replace(t, effect=t.effect.extended_band(dt, duration)) for t in self.terms)
+    def in_record(self, dt: float, duration: float) -> ChannelNoise:
+        """The same noise in a record: a band that nobody stated is as wide as it shows, noise of a sample has a density [s]."""
+        terms = tuple(replace(t, effect=t.effect.in_record(dt, duration)) for t in self.terms)
         return replace(self, terms=terms)
 
 
@@ -122,9 +122,9 @@ class NoiseModel:
             )
         return self.channels[name]
 
-    def extended_band(self, dt: float, duration: float) -> NoiseModel:
-        """Every channel's noise for a record of this sampling period and length [s]."""
-        return replace(self, channels={k: c.extended_band(dt, duration) for k, c in self.channels.items()})
+    def in_record(self, dt: float, duration: float) -> NoiseModel:
+        """Every channel's noise in a record of this sampling period and length [s]."""
+        return replace(self, channels={k: c.in_record(dt, duration) for k, c in self.channels.items()})
 
 
 def read_noise(path: str | Path) -> NoiseModel:

@@ -41,8 +41,10 @@ from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.updated_noise import rescaled, with_findings
 from kfgen.gap.words import compared_at, refused_sentence
 from kfgen.identify.screening.motion import motion_in
+from kfgen.log.course import own_period_s
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.own_rows import with_own_samples
+from kfgen.log.pauses import longest_part, longest_part_of
 from kfgen.log.readers import log_of, read_long
 from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
@@ -119,7 +121,8 @@ def _found(
             _refuse(others, data[0].source)
             return flown
     noise, warnings = _common(name, assumed_noise(assumed, data[0]), data[0])
-    noise = noise.extended_band(data[0].dt, data[0].duration)
+    own = {n: c.in_record(own_period_s(data[0], n), data[0].duration) for n, c in noise.channels.items()}
+    noise = replace(noise, channels=own)
     names = list(wanted or noise.channels)
     moving = _moving(replace(noise, channels={n: noise.channel(n) for n in names}), data[0])
     if moving is not None:
@@ -163,7 +166,7 @@ def _of_stored(
         )
     noise, said = _common(_name(model), assumed, log)
     return (
-        noise.extended_band(log.dt, log.dt * max(c.n for c in log.channels.values())),
+        noise.in_record(log.dt, log.dt * max(c.n for c in log.channels.values())),
         list(wanted or noise.channels),
         said,
     )
@@ -246,12 +249,15 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     from kfgen.gap.flight.flight_scene import flight_scene
     from kfgen.gap.flight.noise.noise_factors import with_noise_factors
 
+    whole, log = log, longest_part(log)
     found = flight_scene(log, model)
     if found is None:
         return None
     _, warnings = _common(
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
+    if log is not whole:
+        warnings.append(longest_part_of(whole, log))
     if found.path.log.dt > 1.5 * log.dt:
         warnings.append(compared_at(1.0 / found.path.log.dt))
     gap = with_excitation(scene_gap(found, units_of(log)), found, model, units_of(log))

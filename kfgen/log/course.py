@@ -34,6 +34,23 @@ def longest_silence_s(log: Log, name: str) -> float:
     return float(np.diff(np.concatenate([log.t[:1], t, log.t[-1:]])).max()) if t.size else np.inf
 
 
+def own_period_s(log: Log, name: str) -> float:
+    """The sampling period of a channel, which may be slower than the rows of its log.
+
+    Parameters
+    ----------
+    log : Log
+    name : str
+
+    Returns
+    -------
+    float
+        The median of its steps [s]; that of the log where it has fewer than two samples.
+    """
+    t = log.t[np.isfinite(log.channel(name).values)]
+    return float(np.median(np.diff(t))) if t.size > 1 else log.dt
+
+
 def is_silent(log: Log, name: str) -> bool:
     """Whether a channel has no sample for so long that nobody knows its course.
 

@@ -20,6 +20,7 @@ from kfgen.core.units import MAX_QUANTITY
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
+from kfgen.log.pauses import in_words, pauses
 from kfgen.model.filter import FilterModel
 from kfgen.model.known_delays import shifts, without_shifts
 from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS, SAMPLES, Input
@@ -209,6 +210,16 @@ class FilterCalls:
             s for s in self.program.discrete.model.sensors if s.name in self._samples and not s.left_out
         ]
         return {n: self._aligned[1][n] for n in constants_at_rest(sensors)}
+
+    @property
+    def through_pauses(self) -> tuple[str, ...]:
+        """What is to be said of the pauses of the log: one sentence, or none."""
+        if not pauses(self.log):
+            return ()
+        return (
+            f"{in_words(self.log)}: the filter holds the last reading of its inputs, and is lost by its end. "
+            "Cut the log there",
+        )
 
     @cached_property
     def delays(self) -> dict[str, float]:

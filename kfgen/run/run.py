@@ -128,15 +128,17 @@ class FilterRun(Result):
 
     @cached_property
     def cautions(self) -> tuple[str, ...]:
-        """What the log holds over its rows, and what may be why innovations are too large, a sentence each."""
+        """What the log holds or lacks, and what may be why innovations are too large, a sentence each."""
+        if self.calls is None:
+            return ()
+        said = (*self.calls.log.held, *self.calls.through_pauses)
         too_large = any(float(s.nis.mean()) > s.expected_nis95[1] for s in self.updated.values())
-        held = self.calls.log.held if self.calls else ()
-        if self.calls is None or not too_large or not (measured := self.calls.assumed_exact):
-            return held
+        if not too_large or not (measured := self.calls.assumed_exact):
+            return said
         tilt = Alignment(self.calls.program.discrete.model).tilt
         error = quantity(tilt * float(np.linalg.norm([*measured.values()])), "uT", 2)
         components = ", ".join(f"{n} {quantity(v, 'uT')}" for n, v in measured.items())
-        return (*held, assumes_exact_field(components, tilt, error))
+        return (*said, assumes_exact_field(components, tilt, error))
 
     @property
     def title(self) -> str:

@@ -127,7 +127,7 @@ def _noises(
     rest: list[Array] = []
     dt = float(t[1] - t[0]) if t.size > 1 else 1.0 / discrete.rate
     for channel, es in zip(part.channels, effects):
-        drawn = [e.extended_band(dt, t.size * dt).draw(rng) for e in es]
+        drawn = [e.in_record(dt, t.size * dt).draw(rng) for e in es]
         parts = [(e.name == WHITE, e.simulate(t, rng, drive)) for e in drawn]
         own = isinstance(part, Sensor) and discrete.model.white(channel) == (0, 0)
         mine = part.sd * rng.standard_normal(t.size) if own else np.zeros(t.size)  # type: ignore[union-attr]

@@ -274,9 +274,14 @@ def test_an_empty_band_is_refused(name: str, shortest: float, longest: float) ->
 
 def test_only_an_unstated_band_is_extended() -> None:
     stated = make("bias_instability", B=1.0, shortest=2.0, longest=50.0)
-    assert stated.extended_band(0.01, 1e6) is stated  # type: ignore[attr-defined]
+    assert stated.in_record(0.01, 1e6) is stated  # type: ignore[attr-defined]
     half = make("bias_instability", B=1.0, shortest=2.0)
-    assert half.extended_band(0.01, 1e6) is half  # type: ignore[attr-defined]
+    assert half.in_record(0.01, 1e6) is half  # type: ignore[attr-defined]
+
+
+def test_noise_of_a_sample_has_the_density_of_white_noise_in_a_record() -> None:
+    """White noise of density ``N^2`` has the variance ``N^2 / dt`` in samples of period dt: 0.3^2 = N^2 / 0.04 s."""
+    assert make("sample_noise", sd=0.3).in_record(0.04, 100.0) == make("white_noise", N=0.06)
 
 
 def test_the_peak_of_a_first_order_process() -> None:

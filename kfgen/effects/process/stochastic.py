@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar, Self
@@ -98,9 +98,33 @@ class SampleNoise(Effect):
         """The same at every frequency [U^2]."""
         return np.full(np.shape(omega), float(self.sd) ** 2 / block)
 
+    def in_record(self, dt: float, duration: float) -> WhiteNoise:
+        """White noise of the density that gives samples of this period that standard deviation: ``N = sd sqrt(dt)``.
+
+        Parameters
+        ----------
+        dt, duration : float
+            Sampling period and length [s].
+
+        Returns
+        -------
+        WhiteNoise
+        """
+        return WhiteNoise(N=float(self.sd) * float(np.sqrt(dt)))
+
     def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None) -> Array:
         """Independent samples, shape (n,)."""
         return np.asarray(float(self.sd) * rng.standard_normal(np.size(t)))
+
+
+def has_white_noise(effects: Iterable[Effect]) -> bool:
+    """Whether something in the noise of a channel is white, so that no sample is exact.
+
+    Parameters
+    ----------
+    effects : iterable of Effect
+    """
+    return any(e.form().V or e.form().Z or isinstance(e, SampleNoise) for e in effects)
 
 
 @dataclass(frozen=True)
@@ -293,7 +317,7 @@ class OfABand:
                 remedy="Give longest a larger time than shortest",
             )
 
-    def extended_band(self, dt: float, duration: float) -> Self:
+    def in_record(self, dt: float, duration: float) -> Self:
         """The same over all that the record shows, where its band was not stated.
 
         Parameters

@@ -44,7 +44,7 @@ def filter_scene(
     found = model_truth(log, model)
     if found is None:
         return None
-    truth, noise = found.truth, found.noise.extended_band(log.dt, log.duration)
+    truth, noise = found.truth, found.noise.in_record(log.dt, log.duration)
     pairs = [(name, compared_of(log, noise, truth, name)) for name in names or noise.channels]
     free = {
         c for w, es in model.noise.items() if any(e.name == "bias" for e in es) for c in model.channels_of(w)

@@ -13,7 +13,9 @@ from kfgen.core.units import parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import PlantEffect
+from kfgen.effects.process.stochastic import has_white_noise
 from kfgen.gap.core.whitener import Whitener
+from kfgen.log.course import own_period_s
 from kfgen.log.log import Log
 from kfgen.model.plant.user import UserModel
 
@@ -121,8 +123,10 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
     """
     measurement = model.measurements[name]
     check_unit(log, name, measurement.unit, model)
-    effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
-    if not any(e.form().V or e.form().Z for e in effects):
+    period = own_period_s(log, name)
+    noise = measurement.noise.in_record(period, log.duration)
+    effects = [e for e in noise.effects if not isinstance(e, PlantEffect)]
+    if not has_white_noise(effects):
         raise InputError(
             f"the model of {name} has no white noise",
             where=model.path,

@@ -34,6 +34,7 @@ from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting
 from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
 from kfgen.gap.scene.scene import Placed
+from kfgen.log.course import own_period_s
 from kfgen.log.log import Channel, Log
 from kfgen.log.own_rows import with_own_samples
 from kfgen.model.plant.user import UserModel
@@ -108,7 +109,8 @@ def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]
     spoilt: list[Placed] = []
     for name in (n for n in model.measurements if n in log.channels):
         values = np.array(log.channels[name].values)
-        effects = [e for e in model.measurements[name].noise.effects if not isinstance(e, PlantEffect)]
+        noise = model.measurements[name].noise.in_record(own_period_s(log, name), log.duration)
+        effects = [e for e in noise.effects if not isinstance(e, PlantEffect)]
         faults, bad = _of_samples(np.asarray(log.t), values, effects)
         (spoilt if bad else said).extend(Placed(e, name) for e in faults)
         if faults and not bad:

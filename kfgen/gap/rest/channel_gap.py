@@ -107,7 +107,7 @@ def channel_gap(
         The record is too short, or the model has no effect.
     """
     check(channel, record, noise)
-    noise = noise.extended_band(record.dt, record.duration)
+    noise = noise.in_record(record.dt, record.duration)
     faults = _faults_beside(record, noise) + spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)

@@ -113,9 +113,7 @@ def joint_gap(
         )
     if len(good) == 1:
         return JointGap(good[0][1], tuple(alone))
-    ready = [
-        prepared(_steady(r.record, g), noise.extended_band(r.record.dt, r.record.duration)) for r, g in good
-    ]
+    ready = [prepared(_steady(r.record, g), noise.in_record(r.record.dt, r.record.duration)) for r, g in good]
     return JointGap(_of_all(channel, ready, good[0][1], noise, channels), tuple(alone))
 
 

@@ -11,6 +11,7 @@ from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.process.sensor_response import SensorResponse
+from kfgen.effects.process.stochastic import has_white_noise
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.identify import MIN_SAMPLES
@@ -143,7 +144,7 @@ def check(channel: str, record: Record, noise: ChannelNoise) -> None:
 
 def check_model(channel: str, noise: ChannelNoise) -> None:
     """Raise `InputError` where nothing in what is assumed of a channel is white."""
-    if not any(e.form().V or e.form().Z for e in noise.effects):
+    if not has_white_noise(noise.effects):
         raise InputError(
             f"the model of {channel} has no white noise",
             remedy="Give it an effect white_noise, or identify it first",

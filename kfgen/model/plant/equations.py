@@ -21,6 +21,7 @@ from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange, PlantEffect, StateTerm
+from kfgen.effects.process.stochastic import has_white_noise
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.motion import Input, MotionModel
@@ -293,7 +294,7 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
     units = dict(user.inputs) | {n: m.unit for n, m in user.measurements.items()}
     title = f"the model file {re.sub(r'[^A-Za-z0-9 _-]', '_', user.name)}"
     for channel in user.measurements:
-        if not any(t.effect.form().V or t.effect.form().Z for t in terms[channel]):
+        if not has_white_noise(t.effect for t in terms[channel]):
             raise InputError(
                 f"the model of {channel} has no white noise",
                 where=user.path,

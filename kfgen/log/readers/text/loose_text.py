@@ -29,6 +29,7 @@ NUMERIC_SHARE = 0.9
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf$")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$|[+-]?\d+$")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d")
+_ZONE = re.compile(r":\d\d(\.\d+)?(Z|[+-]\d\d:?\d\d)$")
 _KEYED = re.compile(r"\s*([A-Za-z_][\w.]*)\s*[:=]\s*(\S+)\s*$")
 
 
@@ -123,7 +124,12 @@ def _split(filled: Sequence[tuple[int, str]], separator: str, complete: bool) ->
     if missing:
         said.append(f"{missing} cells like N/A are samples that were not recorded")
     found = LooseText(
-        header, above[0], values, _where(kinds, "words"), _where(kinds, "date"), (*said, *_of(kinds, header))
+        header,
+        above[0],
+        values,
+        _where(kinds, "words"),
+        _where(kinds, "date"),
+        (*said, *_of(kinds, header, columns)),
     )
     return sum(kind != "words" for kind in kinds), found
 
@@ -132,9 +138,10 @@ def _where(kinds: Sequence[str], kind: str) -> frozenset[int]:
     return frozenset(k for k, own in enumerate(kinds) if own == kind)
 
 
-def _of(kinds: Sequence[str], header: Sequence[str]) -> list[str]:
+def _of(kinds: Sequence[str], header: Sequence[str], columns: Sequence[Sequence[str]]) -> list[str]:
     words = [f"'{n}'" for n, kind in zip(header, kinds, strict=True) if kind == "words"]
-    dates = [f"'{n}'" for n, kind in zip(header, kinds, strict=True) if kind == "date"]
+    dated = [(n, cells) for n, kind, cells in zip(header, kinds, columns, strict=True) if kind == "date"]
+    dates = [f"'{n}'" for n, cells in dated if not all(_ZONE.search(c) for c in cells if c[:1].isdigit())]
     said = [f"columns of words were left out: {some_of(words)}"] if words else []
     return said + ([f"dates without a time zone are UTC: {some_of(dates)}"] if dates else [])
 
