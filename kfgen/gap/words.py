@@ -342,9 +342,8 @@ def refused_sentence(refused: Sequence[Refused]) -> str:
     by_reason: dict[str, list[str]] = {}
     for r in best[:MAX_REFUSED_SAID]:
         title = catalogue()[r.effect].title if r.effect in catalogue() else r.effect
-        where = f" of {r.where}" if r.where else ""
-        nats = f" ({r.evidence_nats:.3g} nats)" if r.evidence_nats else ""  # none of what is seen by a test
-        by_reason.setdefault(r.why, []).append(f"{title}{where}{nats}")
+        nats = f" ({r.evidence_nats:.3g} nats)" if r.evidence_nats else ""
+        by_reason.setdefault(r.why, []).append(title + (f" of {r.where}" if r.where else "") + nats)
     said = "; ".join(f"{', '.join(names)}: {why}" for why, names in by_reason.items())
     more = f"; and {len(best) - MAX_REFUSED_SAID} more" if len(best) > MAX_REFUSED_SAID else ""
     return f"Not added in spite of the evidence: {said}{more}"

@@ -30,7 +30,12 @@ def pauses(log: Log) -> list[tuple[int, int]]:
 
 
 def longest_part(log: Log) -> Log:
-    """The longest part of a log between its pauses; the log itself where it has none."""
+    """The longest part of a log between its pauses; the log itself where it has none.
+
+    Parameters
+    ----------
+    log : Log
+    """
     paused = pauses(log)
     if not paused:
         return log
@@ -40,7 +45,12 @@ def longest_part(log: Log) -> Log:
 
 
 def in_words(log: Log) -> str:
-    """The pauses of a log: the longest, and how many more."""
+    """The pauses of a log that has some: the longest, and how many more.
+
+    Parameters
+    ----------
+    log : Log
+    """
     paused = pauses(log)
     before, after = max(paused, key=lambda p: float(log.t[p[1]] - log.t[p[0]]))
     more = f", and {how_many(len(paused) - 1, 'other pause')}" if len(paused) > 1 else ""
@@ -48,7 +58,18 @@ def in_words(log: Log) -> str:
 
 
 def longest_part_of(log: Log, part: Log) -> str:
-    """That the longest part of a log between its pauses is what a filter is compared with."""
+    """That the longest part of a log between its pauses is what a filter is compared with.
+
+    Parameters
+    ----------
+    log, part : Log
+        The whole, and the part.
+
+    Returns
+    -------
+    str
+        A sentence.
+    """
     return (
         f"{in_words(log)}: compared is its longest part, {moment(float(part.t[0]))} to {moment(float(part.t[-1]))} s, "
         "for through a pause no filter follows the vehicle"
