@@ -325,3 +325,23 @@ def test_objects_of_matlab_beside_the_samples_are_passed_over(tmp_path: Path) ->
     check_elements(
         bytes(124) + b"\x00\x01IM" + element(14, flags + element(1, b"when") + element(1, b"MCOS"))
     )
+
+
+def test_of_several_recordings_in_one_file_the_longest_is_read(tmp_path: Path) -> None:
+    path, size = tmp_path / "trials.h5", {"short": 200, "long": 300}
+    arrays = {}
+    for k, (name, n) in enumerate(size.items()):
+        arrays[f"{name}/time"] = 100.0 * k + np.arange(n) / 100.0
+        arrays[f"{name}/acc"] = np.column_stack([np.full(n, 0.1 * k), np.zeros(n), np.ones(n)])
+    log = read_log(h5(path, arrays))
+    assert log.n == size["long"]
+    assert log.values("accel_x")[0] == pytest.approx(0.980665)
+    assert any("of arrays of 200 samples are left out" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("size", "pascals"), [(1008.0, 100_800.0), (100_800.0, 100_800.0), (100.8, 100_800.0)]
+)
+def test_the_pressure_of_air_is_known_by_its_size(tmp_path: Path, size: float, pascals: float) -> None:
+    log = read_log(written("mat", tmp_path, COLUMNS | {"Barometer": np.full(N, size)}))
+    assert log.values("pressure")[0] == pytest.approx(pascals)

@@ -347,3 +347,38 @@ def test_a_column_of_time_is_mapped_by_its_own_name(tmp_path: Path, head: str) -
     log = read_log(path, columns="t=time [s], accel_x=ch0 [m/s^2]")
     assert log.t == pytest.approx(0.01 * np.arange(50))
     assert log.values("accel_x")[:3] == pytest.approx([0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ended", [True, False])
+def test_units_in_a_row_of_their_own(tmp_path: Path, separator: str, ended: bool) -> None:
+    """What spreadsheets and loggers write: ``sep=``, names, units, and a separator at the end of all rows but the last."""
+    rows = [
+        ["time", "x", "note"],
+        ["ms", "mm", "no_units"],
+        *([f"{1e3 * t:.9g}", f"{k}.5", "0"] for k, t in enumerate(T)),
+    ]
+    end = separator if ended else ""
+    content = f'"sep={separator}"\r\n' + "".join(separator.join(r) + end + "\r\n" for r in rows[:-1])
+    log = read_log(text(tmp_path, content + separator.join(rows[-1]) + "\r\n"))
+    assert log.t == pytest.approx(T)
+    assert log.values("x") == pytest.approx((np.arange(T.size) + 0.5) * 1e-3)
+    assert list(log.channels) == ["x", "note"]
+
+
+def test_names_that_are_units_too_are_names(tmp_path: Path) -> None:
+    log = read_log(text(tmp_path, "t [s],g [1],m [1]\n" + "".join(f"{t},{k},1\n" for k, t in enumerate(T))))
+    assert list(log.channels) == ["g", "m"]
+
+
+def test_columns_of_consensys(tmp_path: Path) -> None:
+    sensors = ["Accel_LN_X", "Accel_LN_Y", "Accel_LN_Z", "Accel_WR_X", "Gyro_Y", "Mag_Z"]
+    names = ["S1_Timestamp_Unix_CAL", *(f"S1_{s}_CAL" for s in sensors)]
+    units = ["ms", *["m/(s^2)"] * 4, "deg/s", "local_flux"]
+    rows = [f"{1e3 * (1.6e9 + t):.3f},1,2,3,4,90,0.5" for t in T]
+    log = read_log(text(tmp_path, "\n".join(["sep=,", ",".join(names), ",".join(units), *rows]) + "\n"))
+    assert log.t == pytest.approx(1.6e9 + T, abs=1e-6)
+    assert list(log.channels) == ["accel_x", "accel_y", "accel_z", "gyro_y", "mag_z"]
+    assert log.values("accel_x")[0] == pytest.approx(1.0)
+    assert log.values("gyro_y")[0] == pytest.approx(np.pi / 2.0)
+    assert any("'S1_Accel_WR_X_CAL'" in w for w in log.warnings)

@@ -15,6 +15,7 @@ CHANNELS: tuple[tuple[int, str, str, str], ...] = (
     (3, r"ref_gyro|ref_accel|ref_mag", "", ""),
     (1, r"(imu_)?temp(erature)?(_(imu|gyro|c|degc))?", "temperature", "degC"),
     (1, r"baro_pressure_pa", "pressure", "Pa"),
+    (1, r"(bar(o(meter)?)?_?)?press(ure)?|bar(ometer)?", "pressure", ""),
     (1, r"hgt_?baro|baro_?(alt|hgt|height|altitude)(_meter|_m)?|alt_?baro", "baro_height", "m"),
     (1, r"true_airspeed_m_s|airspeed|air_?speed|v?tas|v?eas|ias", "airspeed", "m/s"),
     (1, r"(battery_)?current(_a)?", "current", "A"),

@@ -7,7 +7,7 @@ are stated nowhere are assumed where gravity and the field of the Earth confirm 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,8 +35,9 @@ _ATTITUDE = re.compile(r"(?:.*/)?(?:opt|ref)_(?:quat|q)_?([wxyz])")
 _GUESSES = {
     "accel": (("m/s^2", 5.0, 20.0), ("g", 0.5, 2.0)),
     "mag": (("uT", 15.0, 90.0), ("gauss", 0.15, 0.9), ("mG", 150.0, 900.0)),
+    "pressure": (("hPa", 700.0, 1100.0), ("Pa", 7e4, 1.1e5), ("kPa", 70.0, 110.0)),
 }
-"""Units by the median length of a triad, between two limits."""
+"""Units by the median length of a triad, or of a single quantity's size, between two limits: the last of air."""
 _MILLIGAUSS = "mG"
 MAX_RATE_RAD_S = 100.0
 """Beyond what gyros of any kind measure: a larger reading is in degrees [rad/s]."""
@@ -112,11 +113,16 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
     words: list[str] = []
     streams: list[LogStream] = []
     gnss: list[LogStream] = []
-    for n, group in groups.items():
+    of_longer: set[str] = set()
+    for n, group in sorted(groups.items(), reverse=True):
         t, said = _time(group, rate, n)
         if t is None:
             continue
-        channels = _channels(_of_first_sensor(group, words), t, text, words)
+        own: list[str] = []
+        every = _channels(_of_first_sensor(group, own), t, text, own)
+        channels = {name: c for name, c in every.items() if name not in of_longer}
+        of_longer |= set(every)
+        words += [w for w in own if channels or not every] + _shorter(n, set(every) - set(channels))
         fix, place = _gnss(group, t)
         gnss += fix
         new = [w for w in (said, place) if w and (channels or fix)]
@@ -125,6 +131,16 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
     streams, zero = above_first_fix(streams, gnss)
     words += [zero] if zero else []
     return _table(source, groups, [*streams, *gnss], rate, tuple(words))
+
+
+def _shorter(n: int, left: Collection[str]) -> list[str]:
+    """What is said of arrays that are left out for longer ones of the same channels: another recording in the file."""
+    if not left:
+        return []
+    return [
+        f"{some_of(sorted(left))} of arrays of {n:,} samples are left out: longer arrays have them, and another recording "
+        "needs a file of its own"
+    ]
 
 
 def _table(
@@ -226,7 +242,11 @@ def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str])
             stated = array.unit or axis[2] or _in_text(name, text)
             units.setdefault(axis[0], {})[axis[1]] = (array.values, stated)
         elif single is not None:
-            singles[single[0]] = TableColumn(array.values, array.unit or single[1])
+            unit = array.unit or single[1] or _guessed_of(single[0], array.values, words)
+            if unit or single[0] not in _GUESSES:
+                singles[single[0]] = TableColumn(array.values, unit)
+            else:
+                unread.append(name)
         elif quaternion:
             attitude[quaternion.group(1)] = array.values
         elif array.unit is not None and _is_unit(array.unit) and not array_names.is_time(name):
@@ -293,6 +313,15 @@ def _guessed(sensor: str, units: Mapping[str, Mapping[str, tuple[Array, str]]], 
         return ""
     size = float(np.nanmedian(np.sqrt(sum(v**2 for v, _ in axes.values()))))
     return next((unit for unit, low, high in _GUESSES[sensor] if low < size < high), "")
+
+
+def _guessed_of(channel: str, values: Array, words: list[str]) -> str:
+    """The unit of a single quantity by its size, which is said; empty where none is of that size."""
+    size = float(np.nanmedian(np.abs(values)))
+    unit = next((unit for unit, low, high in _GUESSES.get(channel, ()) if low < size < high), "")
+    if unit:
+        words.append(f"{channel}: no unit is stated, {unit} is assumed; say another with --columns")
+    return unit
 
 
 def _by_gravity(

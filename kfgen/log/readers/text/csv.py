@@ -22,6 +22,7 @@ from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate, s
 from kfgen.log.readers.text.foreign_text import foreign
 from kfgen.log.readers.text.loose_text import loose_text
 from kfgen.log.readers.text.published_layouts import with_units
+from kfgen.log.readers.text.unit_row import with_unit_row
 
 SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -61,6 +62,7 @@ def raw_table(path: Path) -> tuple[LogTable, dict[str, TableColumn]]:
 def _raw(path: Path, text: str, lines: list[str]) -> tuple[LogTable, dict[str, TableColumn]]:
     words: tuple[str, ...] = ()
     left: dict[str, TableColumn] = {}
+    lines = with_unit_row(lines)
     try:
         separator, first = _first_row(path, lines)
         lines = _unended(lines, first, separator)
@@ -168,9 +170,10 @@ def _unended(lines: list[str], first: int, separator: str) -> list[str]:
     header = next((r for r in reversed(lines[:first]) if r.strip()), "")
     width = len(_cells(header, separator))
     ended = bool(separator) and all(
-        r.endswith(separator) and len(_cells(r, separator)) == width + 1 for r in rows
-    )
-    return [*lines[:first], *(r.rstrip(" ")[:-1] for r in lines[first:] if r.strip())] if ended else lines
+        r.endswith(separator) and len(_cells(r, separator)) == width + 1
+        for r in rows[: max(len(rows) - 1, 1)]
+    )  # the last row may be without it
+    return [*lines[:first], *(r.removesuffix(separator) for r in rows)] if ended else lines
 
 
 def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[list[str], list[str | None]]:

@@ -1,12 +1,14 @@
-"""Text files of published programs whose columns have no units, and the units that those programs write."""
+"""Text files of published programs: what their columns are called, and the units of those that write none."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from kfgen.core.channel_names import some_of
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 COUNTS_PER_G, COUNTS_PER_DEG_S = 16384.0, 131.0
@@ -14,10 +16,15 @@ COUNTS_PER_G, COUNTS_PER_DEG_S = 16384.0, 131.0
 TOLERANCE = 0.15
 """Relative difference of the median specific force from one g, up to which counts are at that range."""
 _AXES = ("ax", "ay", "az", "gx", "gy", "gz")
+_CONSENSYS = re.compile(
+    r".+_(?:(?P<time>Timestamp(?:Sync)?_Unix)|(?P<sensor>Accel|Gyro|Mag)_(?:(?P<kind>LN|WR)_)?(?P<axis>[XYZ])"
+    r"|(?P<quantity>Temperature|Pressure)_[A-Z0-9]+)_CAL"
+)
+"""Calibrated columns of Shimmer's Consensys: a device, a sensor (the accelerometer of low noise or of wide range), an axis."""
 
 
 def with_units(table: LogTable, header: Sequence[str]) -> LogTable:
-    """The table with the units of its program, where its header shows which one wrote it.
+    """The table with the names and units of its program, where its header shows which one wrote it.
 
     Parameters
     ----------
@@ -31,6 +38,8 @@ def with_units(table: LogTable, header: Sequence[str]) -> LogTable:
     LogTable
         The same where the program is not known, or gravity contradicts the units.
     """
+    if any(_CONSENSYS.fullmatch(name) for name in table.columns):
+        return _of_consensys(table)
     # T. Suarez, ImuCalibration: its logger of an MPU-6050 writes counts at the ranges of the library's start.
     logger = any(line.startswith("Logging Type,") for line in header)
     if not logger or tuple(table.columns) != _AXES or any(c.unit for c in table.columns.values()):
@@ -49,3 +58,26 @@ def with_units(table: LogTable, header: Sequence[str]) -> LogTable:
         "+-250 deg/s; say other ranges with --columns, for example 'gyro_x=gx [deg/s/65.5]'"
     )
     return replace(table, columns=columns, others=dict(table.columns), warnings=(*table.warnings, said))
+
+
+def _of_consensys(table: LogTable) -> LogTable:
+    """A table of Shimmer's Consensys with the names of channels: of two sensors of one kind the first."""
+    columns: dict[str, TableColumn] = {}
+    left = []
+    for name, column in table.columns.items():
+        found = _CONSENSYS.fullmatch(name)
+        channel = _channel(found) if found else name
+        if channel in columns:
+            left.append(f"'{name}'")
+        elif np.isfinite(column.values).any():
+            columns[channel] = column
+    said = (f"of several sensors of one kind the first is read; not {some_of(left)}",) if left else ()
+    return replace(table, columns=columns, others=dict(table.columns), warnings=(*table.warnings, *said))
+
+
+def _channel(found: re.Match[str]) -> str:
+    if found["time"]:
+        return "t"
+    return (
+        f"{found['sensor'].lower()}_{found['axis'].lower()}" if found["sensor"] else found["quantity"].lower()
+    )
