@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,6 +12,8 @@ from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.find_gap import find_gap
+from kfgen.identify.identify_log import identify
+from kfgen.identify.screening.rests import longest_rest
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -44,6 +48,28 @@ def test_the_longest_rest_is_compared() -> None:
     (words,) = [w for w in found.warnings if "longest rest" in w]
     begin, end = (float(x) for x in words.split("longest rest, ")[1].split(" s")[0].split(" to "))
     assert (begin, end) == pytest.approx((60.0, 90.0), abs=1.0)
+
+
+def test_a_lost_row_and_a_hole_leave_the_rests() -> None:
+    log = carried(((0.0, 15.0), (60.0, 90.0)))
+    kept = np.ones(N, dtype=bool)
+    kept[[500, 3500]] = False
+    kept[1200:1700] = False
+    part = Log(T[kept], {n: replace(c, values=c.values[kept]) for n, c in log.channels.items()})
+    rest = longest_rest(part)
+    assert rest is not None
+    assert rest.t[[0, -1]] == pytest.approx([60.0, 90.0], abs=1.0)
+
+
+def test_the_noise_of_a_moved_log_is_that_of_its_longest_rest() -> None:
+    """Of a log that is rocked all the time the motion counts as noise, two hundred times as large, and that is said."""
+    found = identify(carried(((0.0, 15.0), (60.0, 90.0))), channels="gyro_x", effects="white_noise")
+    N_x = found.noise.channel("gyro_x").effects[0].N
+    assert N_x == pytest.approx(SD * np.sqrt(DT), rel=0.08)  # three standard deviations of 1,500 samples
+    assert any("identified is their longest rest" in w for w in found.warnings)
+    rocked = identify(carried(((0.0, 5.0),)), channels="gyro_x", effects="white_noise")
+    assert any("this motion counts as noise here" in w for w in rocked.warnings)
+    assert 20.0 * N_x < rocked.noise.channel("gyro_x").effects[0].N
 
 
 def test_motion_without_a_rest_is_refused() -> None:

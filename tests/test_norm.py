@@ -18,8 +18,9 @@ from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.motion.known_length import NormScene, norm_scene, poses
+from kfgen.gap.motion.known_length import NormScene, norm_scene
 from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.identify.screening.rests import rests
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def posed() -> Log:
 
 
 def test_the_rests_are_found(posed: Log) -> None:
-    found = poses(posed)
+    found = rests(posed)
     assert len(found) == 18
     for k, (i, j) in enumerate(found):
         assert 600 * k - 30 <= i < j <= 600 * k + 430

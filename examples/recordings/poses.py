@@ -8,7 +8,8 @@ from pathlib import Path
 
 from common import AXES, Case, at_rest, main, of_scene
 
-from kfgen.gap.motion.known_length import norm_scene, poses
+from kfgen.gap.motion.known_length import norm_scene
+from kfgen.identify.screening.rests import rests
 from kfgen.log.readers import read_log
 
 
@@ -17,7 +18,7 @@ def posed(file: Path) -> Case:
     log = read_log(file)
     names = [f"accel_{a}" for a in AXES]
     log = log.select(names)
-    start, stop = max(poses(log, "accel"), key=lambda p: p[1] - p[0])
+    start, stop = max(rests(log, "accel"), key=lambda p: p[1] - p[0])
     _, said, answer = of_scene(log, norm_scene(log, at_rest(log, names, start, stop)))
     return said, answer
 

@@ -23,8 +23,9 @@ from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
-from kfgen.gap.motion.known_length import MIN_POSES, NormScene, norm_scene, poses
+from kfgen.gap.motion.known_length import MIN_POSES, NormScene, norm_scene
 from kfgen.gap.scene.scene import ScenePoint
+from kfgen.identify.screening.rests import rests
 from kfgen.log.log import Log
 from kfgen.log.own_rows import log_of_sensor
 from kfgen.log.readers import read_log
@@ -166,11 +167,11 @@ def _not_turned(log: Log, sensor: str) -> InputError:
     """Why the motion of a log does not calibrate a sensor."""
     y = np.array([log.values(f"{sensor}_{a}") for a in AXES]).T
     if sensor == "accel":
-        rests = poses(log, sensor)
-        y = np.array([y[a:b].mean(axis=0) for a, b in rests]).reshape(-1, 3)
-        if len(rests) < MIN_POSES:
+        poses = rests(log, sensor)
+        y = np.array([y[a:b].mean(axis=0) for a, b in poses]).reshape(-1, 3)
+        if len(poses) < MIN_POSES:
             return InputError(
-                f"accel rests in {len(rests)} {'pose' if len(rests) == 1 else 'poses'}, which tells nothing of its scales",
+                f"accel rests in {len(poses)} {'pose' if len(poses) == 1 else 'poses'}, which tells nothing of its scales",
                 where=log.source,
                 remedy=f"Rest it for two seconds in each of {MIN_READINGS} poses or more, on all six sides",
             )

@@ -8,7 +8,7 @@ import numpy as np
 
 from kfgen.calibrate.known_turns import Turn
 from kfgen.core.channel_names import AXES
-from kfgen.gap.motion.known_length import poses
+from kfgen.identify.screening.rests import rests
 from kfgen.log.log import Log
 
 MAX_ERROR_OF_ANGLE = 0.25
@@ -27,15 +27,15 @@ def turns_between_rests(log: Log, angle: float) -> tuple[list[Turn], int]:
     angle : float
         [rad].
     """
-    rests, dt = poses(log, "gyro"), log.uniform_dt()
+    still, dt = rests(log, "gyro"), log.uniform_dt()
     y = np.array([log.values(f"gyro_{a}") for a in AXES]).T
     t, found, skipped = log.t, list[Turn](), 0
-    if not rests:
+    if not still:
         return found, skipped
-    bias = np.mean([y[a:b].mean(axis=0) for a, b in rests], axis=0)
-    for a, b in rests:
+    bias = np.mean([y[a:b].mean(axis=0) for a, b in still], axis=0)
+    for a, b in still:
         found += [Turn(float(t[a]), float(t[b - 1]), i, 0.0) for i in range(3)]
-    for (_, a), (b, _) in pairwise(rests):
+    for (_, a), (b, _) in pairwise(still):
         total = (y[a:b] - bias).sum(axis=0) * dt
         axis = int(np.argmax(np.abs(total)))
         times = round(float(abs(total[axis])) / angle)

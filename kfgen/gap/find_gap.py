@@ -25,7 +25,7 @@ from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
-from kfgen.gap.motion.longest_rest import longest_rest
+from kfgen.gap.motion.longest_rest import rest_of
 from kfgen.gap.motion.missing_rows import with_missing
 from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.scene import MotionScene
@@ -131,7 +131,7 @@ def _found(
     if how := motion_in(data[0], names):
         if isinstance(assumed, FilterModel):
             raise _unaided(assumed, data[0], f"the sensors moved ({how}), and the log has no reference")
-        rest, said = longest_rest(data[0], how)
+        rest, said = rest_of(data[0], how)
         data = [rest]
         warnings.append(said)
     if data[0].n > MAX_SAMPLES_AT_FULL_RATE:

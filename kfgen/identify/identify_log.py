@@ -24,6 +24,7 @@ from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identification import Identification, IdentifiedChannel
 from kfgen.identify.identify import identify as identify_record
 from kfgen.identify.screening.motion import motion_in
+from kfgen.identify.screening.rests import at_rest_only, longest_rest
 from kfgen.identify.words import COUNTS_AS_NOISE, of_channels
 from kfgen.log.log import Channel, Log, StoredLog
 from kfgen.log.readers import read_long
@@ -77,6 +78,7 @@ def identify(
     asked = names is not None
     if names is None:
         names, said = default_channels(first)
+    data, moving = _at_rest(data, names)
     found, left_out = {}, list[InputError]()
     with time_budget(share=SHARE_OF_IDENTIFICATION) as budget:
         for k, name in enumerate(counted(names, "channels", alike=False)):
@@ -90,8 +92,6 @@ def identify(
     if not found:
         raise left_out[0]
     said += [f"not identified: {error}" for error in left_out]
-    moved = [how for d in data if isinstance(d, Log) and d is not curve and (how := motion_in(d, names))]
-    moving = [COUNTS_AS_NOISE.format(how=how) for how in moved]
     warnings = (
         *(w for d in data for w in d.warnings),
         *moving,
@@ -101,6 +101,27 @@ def identify(
     )
     sources = tuple((d.source, d.sha256) for d in data)
     return Identification(found, sources, method, warnings, (*moving, *budget.warnings))
+
+
+def _at_rest(data: Sequence[AnyLog], names: Sequence[str]) -> tuple[list[AnyLog], list[str]]:
+    """The logs, those whose sensors moved in their longest rest; and what is to be said of them."""
+    out, said = list[AnyLog](), list[str]()
+    for log in data:
+        how = motion_in(log, names) if isinstance(log, Log) and log.axis != "tau" else ""
+        rest = _rest_of(log) if how and isinstance(log, Log) else None
+        out.append(log if rest is None else rest)
+        if how:
+            said.append(
+                COUNTS_AS_NOISE.format(how=how) if rest is None else at_rest_only(rest, how, "identified")
+            )
+    return out, said
+
+
+def _rest_of(log: Log) -> Log | None:
+    try:
+        return longest_rest(log)
+    except InputError:  # samples that are no numbers: where it rests is not known
+        return None
 
 
 def identify_samples(

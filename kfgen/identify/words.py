@@ -16,6 +16,8 @@ MAX_RECORD_HOURS = 1000.0
 """Length of a record beyond which nobody logs [h]."""
 COUNTS_AS_NOISE = "the sensors moved ({how}), and this motion counts as noise here: log them at rest"
 """What is said where noise is looked for in a log of sensors that moved."""
+IN_LONGEST_REST = "the sensors moved ({how}): {done} is their longest rest, {start} to {stop} s, for what they read in motion is no noise"
+"""The same where they rest for long enough."""
 MAY_BE_A_RAMP = "a ramp explains the end of the curve as well as the random walk that was fitted"
 """What is said of an Allan curve whose end rises as a ramp does."""
 

@@ -29,16 +29,11 @@ from kfgen.effects.inertial.inertial_error import InertialError, free
 from kfgen.effects.inertial.magnetic import HardIron, SoftIron
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.identify.screening.rests import rests
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-MAX_REST_NOISE_RATIO = 3.0
-"""How far above its quietest tenth the running standard deviation of a sensor at rest may be."""
-RUNNING_WINDOW_S = 0.5
-"""Length [s] of that running standard deviation."""
-MIN_REST_S = 1.0
-"""Shortest rest [s] that counts as a pose."""
 MIN_POSES = 4
 """Poses, or spread of samples, below which nothing is compared."""
 UPPER = ("xy", "xz", "yz")
@@ -164,34 +159,6 @@ def _same(new: Placed, old: Placed) -> bool:
     return type(new.effect) is type(old.effect) and old.where == new.where and named
 
 
-def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
-    """The rests of a sensor, as slices: its running standard deviation is near that of its quietest tenth.
-
-    Parameters
-    ----------
-    log : Log
-    sensor : str
-        Whose three channels rest in the poses.
-
-    Raises
-    ------
-    InputError
-        A channel is missing or has holes, or time is uneven.
-    """
-    from scipy.ndimage import binary_erosion, label
-
-    from kfgen.effects.inertial.vibration import running_variance
-
-    dt = log.uniform_dt()
-    y = np.array([log.values(f"{sensor}_{a}") for a in AXES]).T
-    size = max(3, round(RUNNING_WINDOW_S / dt))
-    deviation = np.sqrt(running_variance(y, size, size).sum(axis=1))
-    still = deviation < MAX_REST_NOISE_RATIO * max(float(np.quantile(deviation, 0.1)), 1e-9)
-    marked, count = label(binary_erosion(still, iterations=size // 2))
-    found = [np.flatnonzero(marked == k + 1) for k in range(count)]
-    return [(int(at[0]), int(at[-1]) + 1) for at in found if at.size * dt >= MIN_REST_S]
-
-
 def norm_scene(log: Log, noise: NoiseModel, sensor: str = "accel") -> NormScene | None:
     """The world of a known length; none where the sensor was never turned or has no noise model.
 
@@ -216,12 +183,12 @@ def norm_scene(log: Log, noise: NoiseModel, sensor: str = "accel") -> NormScene 
         variance = np.tile([_variance(e, dt) for e in effects], (log.n, 1))
         scene = NormScene(sensor, unit, np.asarray(log.t), y, variance)
     else:
-        rests = poses(log, sensor)
-        if len(rests) < MIN_POSES:
+        poses = rests(log, sensor)
+        if len(poses) < MIN_POSES:
             return None
-        variance = np.array([[_variance(e, (j - i) * dt) for e in effects] for i, j in rests])
-        means = np.array([y[i:j].mean(axis=0) for i, j in rests])
-        middle = np.array([log.t[(i + j) // 2] for i, j in rests])
+        variance = np.array([[_variance(e, (j - i) * dt) for e in effects] for i, j in poses])
+        means = np.array([y[i:j].mean(axis=0) for i, j in poses])
+        middle = np.array([log.t[(i + j) // 2] for i, j in poses])
         length = STANDARD_GRAVITY if parse_unit(unit).same_dimension(parse_unit("m/s^2")) else 0.0
         scene = NormScene(sensor, unit, middle, means, variance, length)
     return scene if _turned(scene) else None
