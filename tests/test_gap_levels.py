@@ -6,6 +6,7 @@ seeds, of sizes from 0.35 to 1.2 standard deviations of a sample, none has odds 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.stats import norm
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
+from kfgen.effects.process.telegraph import Cells
 from kfgen.gap.core.level_law import MANY_LEVELS, many_levels_log_odds
 from kfgen.gap.rest.channel_gap import as_written, channel_gap, series_of
 from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW
@@ -85,3 +87,13 @@ def test_slow_noise_beside_two_levels_is_weighed_with_them() -> None:
     beside, alone = (series_of(as_written(record, e)) for e in ((WHITE, bias), (WHITE,)))
     assert many_levels_log_odds(beside, telegraph, alone) < 0.0
     assert many_levels_log_odds(alone, telegraph) > 0.0  # what the test would say without the bias
+
+
+def test_a_line_at_the_bottom_of_the_spectrum_is_no_end() -> None:
+    """Where the lowest ordinate is left out of the likelihood, as of a rest of a flight, the next one tells the level."""
+    series = series_of(
+        as_written(Record(DT * np.arange(N), np.random.default_rng(3).standard_normal(N)), (WHITE,))
+    )
+    weight = series.weight.copy()
+    weight[1] = 0.0
+    assert Cells.of(replace(series, weight=weight)).still == pytest.approx(1.0 / (series.weight[2] * N**0.5))

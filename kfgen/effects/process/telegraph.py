@@ -189,7 +189,8 @@ class Cells:
         power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
         rest = int(np.count_nonzero(series.weight[m:])) if block > 1 else 0
         switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
-        still = 1.0 / float(series.weight[1] * np.sqrt(series.n))
+        passed = series.weight[1:][series.weight[1:] > 0.0]  # lines at the bottom are left out
+        still = 1.0 / float(passed[0] * np.sqrt(series.n))
         density = 1.0 / (block * np.square(np.maximum(series.weight[1:m], 1e-150)))
         return Cells(switching, even, block, power, rest, density, still, series.level, series.wander)
 

@@ -13,6 +13,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -45,6 +46,12 @@ MAX_WIDTH_OVER_FREQUENCY = 0.1
 """Of such a sum: a wider bump is no line."""
 MIN_RATIO_OF_WIDE_LINE = 2.0
 """Power over the floor of a line of several ordinates."""
+ORDINATES_BESIDE = 41
+"""Of the medians on both sides of an ordinate where a filter bends the floor within a cell."""
+ORDINATES_OF_SKIRT = 4
+"""Beside a line that are in neither of them."""
+MARGIN_OF_LARGER_SIDE = 1.4
+"""Factor by which the larger of two such medians may be too low, so that one record in a thousand is falsely alarmed."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,38 @@ class SpectralFloor:
                 found = (hit[:, None] * width + np.arange(width)).ravel()
                 marks[found], ratio[found] = True, 1.0
         return marks
+
+    @cached_property
+    def beside(self) -> Array:
+        """The larger of the levels on both sides of each ordinate, shape (n,) [U^2]: a slope is no line."""
+        from scipy.ndimage import median_filter, shift
+
+        if self.power.size < 4 * ORDINATES_BESIDE:
+            return np.full(self.power.size, np.inf)
+        level = median_filter(self.power, ORDINATES_BESIDE, mode="nearest") / MEDIAN_OF_CHI_SQUARE_1
+        away = ORDINATES_BESIDE // 2 + ORDINATES_OF_SKIRT
+        below, above = (shift(level, k, order=0, mode="nearest") for k in (away, -away))
+        return np.asarray(np.maximum(below, above))
+
+    def stands_out(self, first: int, last: int) -> bool:
+        """Whether ordinates are above those on both sides, as many or `ORDINATES_BESIDE`: the shoulder of a filter is not.
+
+        Parameters
+        ----------
+        first, last : int
+            Of the ordinates of a line.
+        """
+        width = max(last + 1 - first, ORDINATES_BESIDE)
+        sides = (self.power[max(first - width, 0) : first], self.power[last + 1 : last + 1 + width])
+        level = max(float(np.median(side)) for side in sides if side.size) / MEDIAN_OF_CHI_SQUARE_1
+        return float(self.power[first : last + 1].mean()) > MIN_RATIO_OF_WIDE_LINE * level
+
+    def narrow(self) -> Marks:
+        """The single ordinates of lines above a low-pass, shape (n,): far above what is on both sides of them."""
+        from scipy.stats import chi2
+
+        least = MARGIN_OF_LARGER_SIDE * float(chi2.isf(FALSE_ALARM_PER_RECORD / self.power.size, 1))
+        return np.asarray(self.power > least * self.beside)
 
 
 def _cells(n: int) -> NDArray[np.int64]:

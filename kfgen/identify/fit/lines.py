@@ -71,31 +71,35 @@ def find_lines(record: Record) -> list[PeriodicLine]:
     Parameters
     ----------
     record : Record
-        Evenly sampled; bands that it leaves out already have no lines.
+        Evenly sampled; bands that it leaves out already have no lines, but what is above a low-pass narrow ones.
     """
     seen = SpectralFloor.of(record)
     if seen is None:
         return []
     n = seen.omega.size
     to_hz = 1.0 / (2.0 * np.pi * record.dt * record.block)
-    marks = seen.above()
-    for lo, hi in record.skip:
-        marks &= (seen.omega * to_hz < lo) | (seen.omega * to_hz > hi)
+    f = seen.omega * to_hz
+    rolled_off = f > min((lo for lo, hi in record.skip if hi == np.inf), default=np.inf)
+    marks = np.where(rolled_off, seen.narrow(), seen.above())
+    for lo, hi in (band for band in record.skip if band[1] < np.inf):
+        marks &= (f < lo) | (f > hi)
     out = np.flatnonzero(marks)
     if not out.size:
         return []
+    floor = np.where(rolled_off, seen.beside, seen.floor)
     distance = np.maximum(MAX_ORDINATES_WITHIN_LINE, MAX_DISTANCE_WITHIN_LINE * out[1:])
     lines = []
     for group in np.split(out, np.flatnonzero(np.diff(out) > distance) + 1):
         lo, hi = max(group[0] - MARGIN_ORDINATES, 0), min(group[-1] + MARGIN_ORDINATES, n - 1)
-        if group[-1] - group[0] > MAX_LINE_WIDTH_OVER_FREQUENCY * group[0]:
+        wide = group[-1] - group[0] > MAX_LINE_WIDTH_OVER_FREQUENCY * group[0]
+        if wide or not seen.stands_out(int(group[0]), int(group[-1])):
             continue
         around = slice(lo, hi + 1)
-        excess = float(np.sum(seen.power[around] - seen.floor[around]))
-        above = np.maximum(seen.power[group] - seen.floor[group], 0.0)
-        centre = float(np.average(seen.omega[group], weights=above + 1e-3 * seen.floor[group]))
+        excess = float(np.sum(seen.power[around] - floor[around]))
+        above = np.maximum(seen.power[group] - floor[group], 0.0)
+        centre = float(np.average(seen.omega[group], weights=above + 1e-3 * floor[group]))
         amplitude = float(np.sqrt(2.0 * max(excess, 0.0) / n))
-        band = (float(seen.omega[lo]) * to_hz, float(seen.omega[hi]) * to_hz)
+        band = (float(f[lo]), float(f[hi]))
         lines.append(PeriodicLine(centre * to_hz, amplitude, band))
     return lines
 
