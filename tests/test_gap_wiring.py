@@ -16,8 +16,8 @@ from in_part import in_part
 from scipy.signal import cont2discrete
 
 from kfgen.gap.plant.wiring import plant_scene
-from kfgen.gap.rest.faults import by_chance, stuck_spans
 from kfgen.gap.scene.scene_gap import scene_gap
+from kfgen.identify.screening.stuck import by_chance, stuck_spans
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
 

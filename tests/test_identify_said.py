@@ -18,6 +18,7 @@ from kfgen.identify.fit import limits
 from kfgen.identify.fit.fit import Problem, maximise
 from kfgen.identify.fit.interval import interval95, stretched
 from kfgen.identify.identification import Identification
+from kfgen.identify.identify_log import identify_samples
 from kfgen.identify.screening.motion import motion_in
 from kfgen.identify.words import measured_by, no_limit, of_channels, record_length
 from kfgen.log.log import Channel, Log
@@ -196,3 +197,25 @@ def test_motion_is_seen_at_any_scale(scale: float) -> None:
         for n, c in log.channels.items()
     }
     assert motion_in(replace(log, channels=scaled), list(scaled)).startswith("gravity turns by")
+
+
+def test_a_value_that_is_repeated_for_a_while_is_said() -> None:
+    """Runs of equal values on a coarse grid are chance; a hundred and more on a fine one are none (one in a million)."""
+    rng = np.random.default_rng(176148)
+    fine, coarse = (
+        np.round(8.0 * rng.standard_normal(20_000)) / 8.0,
+        np.round(0.4 * rng.standard_normal(20_000)),
+    )
+    slept = fine.copy()
+    slept[5000:11_000] = slept[5000]
+    said = [
+        [
+            w
+            for w in identify_samples(y, rate=50.0, unit="deg/s", effects="white_noise").warnings
+            if "repeated" in w
+        ]
+        for y in (fine, coarse, slept)
+    ]
+    assert said[:2] == [[], []]
+    assert len(said[2]) == 1
+    assert "for 120 s from t = 100 s" in said[2][0] or "for 120 s from t = 99.98 s" in said[2][0]

@@ -35,6 +35,7 @@ from kfgen.identify.screening.record_faults import (
     is_outlier,
     noise_change,
     roll_off,
+    stuck_in,
 )
 from kfgen.identify.screening.shocks import bridged, shocks, shocks_said
 
@@ -179,7 +180,7 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     if record.n > MAX_SAMPLES_IN_FULL:
         return prepared(condense(Stream.of(record.y, record.dt)))
     record, warnings = cleaned(record)
-    warnings += amplitude_faults(record.y)
+    warnings += [*amplitude_faults(record.y), *stuck_in(record)]
     change = noise_change(record.y)
     if change is not None:
         warnings.append(words.noise_changes(change[1] / change[0]))

@@ -147,6 +147,15 @@ def allan_curve(points: int, shortest_s: float, longest_s: float) -> str:
     return f"Allan deviation at {points} averaging times, {shortest_s:.3g} to {longest_s:.4g} s, without its samples"
 
 
+def stuck(longest_s: float, start_s: float, others: int) -> str:
+    """Of samples that repeat one value."""
+    more = f", and {how_many(others, 'other time')}" if others else ""
+    return (
+        f"one value is repeated for {longest_s:.4g} s from t = {moment(start_s)} s on{more}: the sensor slept or was "
+        "stuck, or the logger held it. Cut the log there"
+    )
+
+
 def low_pass(above_hz: float) -> str:
     """Of an internal low-pass."""
     return f"an internal low-pass takes power away above {above_hz:.3g} Hz, left out of the fit"

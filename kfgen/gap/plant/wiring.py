@@ -32,8 +32,9 @@ from kfgen.gap.plant.noise.noisy_scene import NoisyPlantScene
 from kfgen.gap.plant.pieces import lateness
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting
-from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
+from kfgen.gap.rest.faults import assumed_sd, spotted_moving
 from kfgen.gap.scene.scene import Placed
+from kfgen.identify.screening.stuck import by_chance, stuck_spans
 from kfgen.log.course import own_period_s
 from kfgen.log.log import Channel, Log
 from kfgen.log.own_rows import with_own_samples

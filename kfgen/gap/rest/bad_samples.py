@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from kfgen.effects.faults.samples import Stuck, runs
 from kfgen.effects.samples.event import Outliers
 from kfgen.effects.series import DetectedFault, RawSamples
-from kfgen.gap.rest.faults import MAX_EQUAL_NEIGHBOUR_PROBABILITY, standing
 from kfgen.gap.rest.words import no_measurements
+from kfgen.identify.screening.stuck import MAX_EQUAL_NEIGHBOUR_PROBABILITY, standing
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

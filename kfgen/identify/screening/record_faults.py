@@ -17,6 +17,7 @@ from kfgen.effects.series import adc_step
 from kfgen.identify import words
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import frequencies
+from kfgen.identify.screening.stuck import stuck_spans
 
 Array = NDArray[np.float64]
 
@@ -131,6 +132,24 @@ def amplitude_faults(y: Array) -> list[str]:
     elif ends > CLIPPED_SHARE and step < 0.1 * white:
         said.append(words.clipped(ends))
     return said
+
+
+def stuck_in(record: Record) -> list[str]:
+    """A sentence on samples that repeat one value for longer than noise lets them.
+
+    Parameters
+    ----------
+    record : Record
+    """
+    steps = np.diff(record.y)
+    moved = steps[steps != 0.0]
+    if record.averaged > 1 or moved.size < MIN_BANDS:
+        return []
+    spans = stuck_spans(record.y, float(np.sqrt(0.5 * np.mean(moved**2))))
+    if not spans:
+        return []
+    first, last = max(spans, key=lambda span: span[1] - span[0])
+    return [words.stuck((last - first) * record.dt, float(record.t[first]), len(spans) - 1)]
 
 
 def noise_change(y: Array) -> tuple[float, float] | None:

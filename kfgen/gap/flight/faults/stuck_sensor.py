@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from kfgen.effects.faults.samples import Stuck, runs
 from kfgen.gap.flight.faults.misread import sensor_of
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.rest.faults import stuck_spans
 from kfgen.gap.scene.scene import Placed
+from kfgen.identify.screening.stuck import stuck_spans
 
 Array = NDArray[np.float64]
 
