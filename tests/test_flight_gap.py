@@ -24,11 +24,11 @@ from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
+from kfgen.gap.flight_words import outage_sentence
 from kfgen.gap.result import GapResult
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.gap.scene.screen import basis, orthogonal_part
-from kfgen.gap.words import outage_sentence
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel

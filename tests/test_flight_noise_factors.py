@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import kfgen as kf
-from kfgen.gap.words import noise_factor_sentence
+from kfgen.gap.flight_words import noise_factor_sentence
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "flight"))
 trial = pytest.importorskip("trial")

@@ -12,7 +12,8 @@ from kfgen.effects.faults.samples import UnitError
 from kfgen.effects.inertial.magnetic import SoftIron
 from kfgen.gap.core.battery import white_tests
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.core.result import Comparison, Finding, NoiseScale
+from kfgen.gap.core.result import Comparison, Finding, NoiseScale, OutageDrift
+from kfgen.gap.flight_words import outage_sentence
 from kfgen.gap.words import finding_sentence, left_sentences, noise_scale_sentences
 
 FIELD = ("field along 1_n", "field along 2_n", "field along 3_n")
@@ -103,3 +104,10 @@ def test_a_line_without_a_period_is_an_offset(f: float, said: str) -> None:
         span_s=(0.0, 1000.0),
     )
     assert said in left_sentences(whole)[0]
+
+
+def test_a_drift_that_grows_in_outages_is_advised_against() -> None:
+    better = outage_sentence(OutageDrift(10.0, 14.3, 10), OutageDrift(10.0, 11.2, 10))
+    worse = outage_sentence(OutageDrift(10.0, 2.55, 2), OutageDrift(10.0, 6.59, 2))
+    assert "keep what was assumed" not in better
+    assert worse.endswith("for outages keep what was assumed, until a log with more of them says otherwise")

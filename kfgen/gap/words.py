@@ -23,14 +23,11 @@ from kfgen.gap.core.result import (
     DetectionLimit,
     Finding,
     NoiseScale,
-    NoiseSplit,
-    OutageDrift,
 )
 from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2, NOTHING_MIN_PROBABILITY
 from kfgen.gap.motion.candidates import FIELD_PREFIX
 from kfgen.gap.rest.evidence import RETUNE
-from kfgen.manoeuvre.library import LIBRARY
 
 VERDICTS = {
     NO_GAP: "model and record agree",
@@ -44,14 +41,10 @@ MAX_RECORD_FACTOR = 1000.0
 """Times the length of a record beyond which nobody logs."""
 MIN_SAID_COS2 = 0.5
 """Squared cosine above which a likeness is said with its number."""
-MIN_SAID_FACTOR_LEFT = 1.5
-"""Size of a noise over the assumed one above which it is said to be unexplained."""
 NESTED_TOLERANCE_NATS = 1e-6
 """Change of a log-likelihood that is none."""
 MAX_NEARLY_ALIKE = 3
 """Effects that are said to look alike."""
-MAX_NOT_EXCITED_SAID = 4
-"""Effects that one manoeuvre would excite, of which the names are said in a sentence."""
 MAX_KINDS_LEFT = 3
 """Kinds of tests of which is said what they see."""
 TAILS_PER_KURTOSIS = 3.0
@@ -122,26 +115,6 @@ def noise_scale_sentences(scales: Sequence[NoiseScale]) -> list[str]:
         f"(95 %: {lo:.3g} to {hi:.3g})"
         for (times, (lo, hi), white), channels in alike.items()
     ]
-
-
-def noise_factor_sentence(f: NoiseSplit) -> str:
-    """Why a noise looks larger, in words."""
-    lo, hi = f.ci95
-    shares = [f"{p.factor:.3g} {p.cause} of {p.where}" for p in f.parts]
-    left = [f"{f.left:.3g} unexplained"] if f.left >= MIN_SAID_FACTOR_LEFT or not shares else []
-    return (
-        f"With nothing named the noise of {f.channel} would seem {f.times:.3g} times as large as assumed "
-        f"(95 %: {lo:.3g} to {hi:.3g}): {' x '.join([*shares, *left])}"
-    )
-
-
-def outage_sentence(before: OutageDrift, after: OutageDrift) -> str:
-    """What outages cost before and after."""
-    n = f"{before.count} outages" if before.count > 1 else "one outage"
-    return (
-        f"Without GNSS for {before.seconds:g} s the filter drifts {before.metres:.3g} m as assumed and {after.metres:.3g} m "
-        f"updated ({n} in the last part of the log)"
-    )
 
 
 def finding_sentence(c: Comparison, f: Finding) -> str:
@@ -347,40 +320,6 @@ def refused_sentence(refused: Sequence[Refused]) -> str:
     said = "; ".join(f"{', '.join(names)}: {why}" for why, names in by_reason.items())
     more = f"; and {len(best) - MAX_REFUSED_SAID} more" if len(best) > MAX_REFUSED_SAID else ""
     return f"Not added in spite of the evidence: {said}{more}"
-
-
-PARKED = (
-    "the vehicle is parked: it never moves in this log, so that no effect that comes with motion can show; "
-    "give a log in which it moves"
-)
-
-
-def not_excited_sentence(limits: Sequence[DetectionLimit]) -> str:
-    """What the motion does not excite, and which manoeuvres would, the one that shows most first.
-
-    Parameters
-    ----------
-    limits : sequence of DetectionLimit
-        Those of effects that are not excited.
-    """
-    by_manoeuvre: dict[str, list[str]] = {}
-    for m in limits:
-        by_manoeuvre.setdefault(m.manoeuvre, []).append(f"{m.effect.name} of {m.where}")
-    best = sorted((n for n in by_manoeuvre if n), key=lambda n: -len(by_manoeuvre[n]))
-    said = [_shown_by(n, list(dict.fromkeys(by_manoeuvre[n]))) for n in best]
-    if "" in by_manoeuvre:
-        said.append(f"no manoeuvre is known for {_some(list(dict.fromkeys(by_manoeuvre[''])))}")
-    number = "one effect" if len(limits) == 1 else f"{len(limits)} numbers of effects"
-    return f"The motion of this log does not excite {number}, which it cannot show: {'; '.join(said)}"
-
-
-def _shown_by(manoeuvre: str, effects: Sequence[str]) -> str:
-    return f"{manoeuvre} ({LIBRARY[manoeuvre].title}, {LIBRARY[manoeuvre].length:g} s) would excite {_some(effects)}"
-
-
-def _some(names: Sequence[str]) -> str:
-    more = len(names) - MAX_NOT_EXCITED_SAID
-    return ", ".join(names[:MAX_NOT_EXCITED_SAID]) + (f" and {more} more" if more > 0 else "")
 
 
 def not_excited_words(m: DetectionLimit) -> tuple[str, str, str]:

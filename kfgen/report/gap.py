@@ -9,20 +9,17 @@ from kfgen.core.units import derived_unit
 from kfgen.gap.core.battery import FALSE_ALARM_RATE, Test
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.result import NO_GAP, Comparison, Finding
+from kfgen.gap.flight_words import PARKED, noise_factor_sentence, not_excited_sentence, outage_sentence
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.result import GapResult, Proof, span_of_test
 from kfgen.gap.words import (
-    PARKED,
     VERDICTS,
     check_sentences,
     finding_sentence,
     left_sentences,
     limit_words,
-    noise_factor_sentence,
     noise_scale_sentences,
-    not_excited_sentence,
     not_excited_words,
-    outage_sentence,
     own_noise_sentence,
     parameter_words,
     percent,
