@@ -382,3 +382,25 @@ def test_columns_of_consensys(tmp_path: Path) -> None:
     assert log.values("accel_x")[0] == pytest.approx(1.0)
     assert log.values("gyro_y")[0] == pytest.approx(np.pi / 2.0)
     assert any("'S1_Accel_WR_X_CAL'" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize("words", [True, False])
+def test_what_rostopic_echoes(tmp_path: Path, words: bool) -> None:
+    """``rostopic echo -p``: a header behind a sign of percent, times in ns, a column of words for the frame."""
+    axes = [f"field.{s}.{a}" for s in ("angular_velocity", "linear_acceleration") for a in "xyz"]
+    names = ["%time", "field.header.stamp", *(["field.header.frame_id"] if words else []), *axes]
+    rows = [
+        ",".join(
+            [
+                f"{int(1e9 * (1.6e9 + t)) + 700_000}",
+                f"{int(1e9 * (1.6e9 + t))}",
+                *(["imu"] if words else []),
+                "1,2,3,0.1,0,9.8",
+            ]
+        )
+        for t in T
+    ]
+    log = read_log(text(tmp_path, "\n".join([",".join(names), *rows]) + "\n"))
+    assert log.t == pytest.approx(1.6e9 + T, abs=1e-6)  # of the header, not of the receipt 0.7 ms later
+    assert [log.values(f"gyro_{a}")[0] for a in "xyz"] == [1.0, 2.0, 3.0]
+    assert log.values("accel_z")[0] == pytest.approx(9.8)

@@ -44,7 +44,7 @@ TIME_NAMES = r"(.*[_.])?(t|time|times|stamp|timestamp|timestamp_sample|seconds|s
 """Pattern of the names of times."""
 _AXES = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
 _AXIS = re.compile(r"(.+?)[_.]?(?:\[([0-2])\]|(?<![0-9])([xyz])|[_.]([0-2]))$")
-_PREFIX = re.compile(r"^(imu|data|sensor|sensors|raw|mti|ahrs|body|opt)\d?[_./]+")
+_PREFIX = re.compile(r"^(imu|data|sensor|sensors|raw|mti|ahrs|body|opt|field)\d?[_./]+")
 
 
 def plain(name: str) -> str:

@@ -200,7 +200,8 @@ def _time(group: Mapping[str, Named], rate: float | None, n: int) -> tuple[Array
     ]
     times = [k for k in times if np.ptp(group[k].values[np.isfinite(group[k].values)]) > 0.0]
     if times:
-        exact = [k for k in times if array_names.plain(k) in ("t", "time", "timestamp")]
+        exact = [k for k in times if array_names.plain(k).endswith("header.stamp")]
+        exact = exact or [k for k in times if array_names.plain(k) in ("t", "time", "timestamp")]
         by_name = {k: _stated_time(group[k].unit) or stamp_unit(k, group[k].values) for k in exact or times}
         name = min(by_name, key=lambda k: by_name[k] != "s")
         unit = by_name[name]

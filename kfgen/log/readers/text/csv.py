@@ -179,7 +179,7 @@ def _unended(lines: list[str], first: int, separator: str) -> list[str]:
 def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[list[str], list[str | None]]:
     width = len(_cells(lines[first], separator))
     for index in range(first - 1, -1, -1):
-        line = lines[index].lstrip("# ")
+        line = lines[index].lstrip("#% ")
         if not line.strip():
             continue
         if not separator:

@@ -75,13 +75,23 @@ def loose_text(lines: Sequence[str], complete: bool) -> LooseText | None:
     -------
     LooseText or None
     """
-    filled = [(k, line) for k, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"]
+    filled = [(k, line) for k, line in enumerate(_without_comments(lines)) if line.strip()]
     ways = [
         found
         for separator in (";", "\t", ",", "")
         if (found := _split(filled, separator, complete)) is not None
     ]
     return max(ways, key=lambda w: w[0])[1] if ways else None
+
+
+def _without_comments(lines: Sequence[str]) -> list[str]:
+    """The lines, comments empty; one with as many cells as the row that follows it is a header, as of ``rostopic echo -p``."""
+    out = ["" if line.lstrip()[:1] in ("#", "%") else line for line in lines]
+    first = next((k for k, line in enumerate(out) if line.strip()), 0)
+    above = lines[first - 1].lstrip("#% ") if first else ""
+    if any(above.count(s) and above.count(s) == out[first].count(s) for s in (",", ";", "\t")):
+        out[first - 1] = above
+    return out
 
 
 def _split(filled: Sequence[tuple[int, str]], separator: str, complete: bool) -> tuple[int, LooseText] | None:
