@@ -404,3 +404,12 @@ def test_what_rostopic_echoes(tmp_path: Path, words: bool) -> None:
     assert log.t == pytest.approx(1.6e9 + T, abs=1e-6)  # of the header, not of the receipt 0.7 ms later
     assert [log.values(f"gyro_{a}")[0] for a in "xyz"] == [1.0, 2.0, 3.0]
     assert log.values("accel_z")[0] == pytest.approx(9.8)
+
+
+def test_one_file_of_the_inertial_sensor_of_euroc(tmp_path: Path) -> None:
+    names = [*(f"w_RS_S_{a} [rad s^-1]" for a in "xyz"), *(f"a_RS_S_{a} [m s^-2]" for a in "xyz")]
+    rows = [f"{int(1e9 * (1.4e9 + t))},1,2,3,0.1,0,9.8" for t in T]
+    log = read_log(text(tmp_path, "\n".join([",".join(["#timestamp [ns]", *names]), *rows]) + "\n"))
+    assert log.t == pytest.approx(1.4e9 + T, abs=1e-6)
+    assert log.values("gyro_z")[0] == pytest.approx(3.0)
+    assert log.values("accel_z")[0] == pytest.approx(9.8)

@@ -15,6 +15,7 @@ MAX_EXPONENT = 1000
 MAX_EXPONENT_DIGITS = 12
 """Digits in which an exponent is written."""
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z%]+)|([/*^()]))")
+_NEGATIVE = re.compile(r"-\d+")
 
 _ROOT = re.compile("\N{SQUARE ROOT}([A-Za-z]+)")
 
@@ -79,10 +80,12 @@ class UnitParser:
         self.tokens: list[str] = []
         position, stripped = 0, typed(text)
         while position < len(stripped):
-            match = _TOKEN.match(stripped, position)
+            last = self.peek_last()
+            negative = _NEGATIVE.match(stripped, position) if last == "^" or last.isalpha() else None
+            match = negative or _TOKEN.match(stripped, position)
             if match is None:
                 raise self.error(f"cannot be read at '{stripped[position:]}'")
-            if match.group(1) and position == match.start(1) and self.peek_last().isalpha():
+            if last.isalpha() and (negative or (match.group(1) and position == match.start(1))):
                 self.tokens.append("^")  # m/s2 is m/s^2, as many write it
             self.tokens.append(match.group(0).strip())
             position = match.end()
@@ -176,7 +179,7 @@ class UnitParser:
 def _exponent(token: str) -> Fraction:
     """An exponent; one of a hundred million digits would take as many to be raised."""
     value = float(token)
-    if not value <= MAX_EXPONENT or "e" in token.lower() or len(token) > MAX_EXPONENT_DIGITS:
+    if not abs(value) <= MAX_EXPONENT or "e" in token.lower() or len(token) > MAX_EXPONENT_DIGITS:
         raise ValueError
     return Fraction(token)
 

@@ -73,6 +73,8 @@ TYPED_SIGNS = (
     ("\N{GREEK SMALL LETTER MU}", "u"),
     ("\N{OHM SIGN}", "ohm"),
     ("\N{GREEK CAPITAL LETTER OMEGA}", "ohm"),
+    ("\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}", "^-1"),
+    ("\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT TWO}", "^-2"),
     ("\N{SUPERSCRIPT TWO}", "^2"),
     ("\N{SUPERSCRIPT THREE}", "^3"),
     ("\N{MIDDLE DOT}", "*"),

@@ -18,6 +18,7 @@ from kfgen.core.errors import InputError
 from kfgen.log.readers.tables.clock import Clock
 from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.tables.table import TableColumn
+from kfgen.log.readers.text.published_layouts import EUROC_IMU
 
 Array = NDArray[np.float64]
 
@@ -27,13 +28,10 @@ SETTINGS = "sensor.yaml"
 NANOSECOND_S = 1e-9
 HEADER_BYTES = 400
 """Bytes of a table in which its header stands."""
-UNITS = {"rad s^-1": "rad/s", "m s^-1": "m/s", "m s^-2": "m/s^2"}
-"""Units of headers as kfgen writes them."""
 REFERENCES = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")
 """Folders of poses, the preferred one first."""
 NED_OF_WORLD = np.diag([1.0, -1.0, -1.0])
 """A half turn about the first axis: third axis up to third axis down."""
-_IMU = {f"w_RS_S_{a}": f"gyro_{a}" for a in "xyz"} | {f"a_RS_S_{a}": f"accel_{a}" for a in "xyz"}
 _HEADER_CELL = re.compile(r"#?\s*([^\[]*?)\s*(?:\[([^\]]*)\])?\s*$")
 _NUMBER = re.compile(r"(?m)^\s*(\w+):\s*([-+.\deE]+)\s*(?:#.*)?$")
 _POSE = re.compile(r"(?s)T_BS:.*?data:\s*\[([^\]]*)\]")
@@ -77,11 +75,11 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     tables = [_SensorTable.read(part) for part in parts(path) if part.name == TABLE]
     clocks = {table.name: Clock.of(table.t) for table in tables}
     words = [w for table in tables for w in table.words]
-    inertial = [t for t in tables if set(_IMU) <= set(t.columns)]
+    inertial = [t for t in tables if set(EUROC_IMU) <= set(t.columns)]
     streams = []
     if inertial:
         imu = _chosen(inertial, choice, str(path))
-        columns = {c: TableColumn(*imu.columns[name]) for name, c in _IMU.items()}
+        columns = {c: TableColumn(*imu.columns[name]) for name, c in EUROC_IMU.items()}
         streams.append(LogStream(imu.name, imu.t, columns))
         words.append(f"{imu.name}: axes as logged, which need not be forward, right, down")
         words += imu.stated()
@@ -129,9 +127,7 @@ class _SensorTable:
         names = [(m.group(1), m.group(2) or "") if m else ("", "") for m in matches]
         numeric = [k for k, (name, _) in enumerate(names) if k and name != "filename"]
         rows, words = _rows(path, lines, [0, *numeric])
-        columns = {
-            names[k][0]: (rows[:, j], UNITS.get(names[k][1], names[k][1])) for j, k in enumerate(numeric, 1)
-        }
+        columns = {names[k][0]: (rows[:, j], names[k][1]) for j, k in enumerate(numeric, 1)}
         settings = path.with_name(SETTINGS)
         text = settings.read_text(encoding="utf-8-sig", errors="replace") if settings.is_file() else ""
         return _SensorTable(path.parent.name, rows[:, 0] * NANOSECOND_S, columns, text, tuple(words))

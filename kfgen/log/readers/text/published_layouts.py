@@ -16,6 +16,8 @@ COUNTS_PER_G, COUNTS_PER_DEG_S = 16384.0, 131.0
 TOLERANCE = 0.15
 """Relative difference of the median specific force from one g, up to which counts are at that range."""
 _AXES = ("ax", "ay", "az", "gx", "gy", "gz")
+EUROC_IMU = {f"w_RS_S_{a}": f"gyro_{a}" for a in "xyz"} | {f"a_RS_S_{a}": f"accel_{a}" for a in "xyz"}
+"""Columns of the file of an inertial sensor of the EuRoC data sets, with their units behind them."""
 _CONSENSYS = re.compile(
     r".+_(?:(?P<time>Timestamp(?:Sync)?_Unix)|(?P<sensor>Accel|Gyro|Mag)_(?:(?P<kind>LN|WR)_)?(?P<axis>[XYZ])"
     r"|(?P<quantity>Temperature|Pressure)_[A-Z0-9]+)_CAL"
@@ -40,6 +42,9 @@ def with_units(table: LogTable, header: Sequence[str]) -> LogTable:
     """
     if any(_CONSENSYS.fullmatch(name) for name in table.columns):
         return _of_consensys(table)
+    if EUROC_IMU.keys() <= table.columns.keys():
+        columns = {EUROC_IMU.get(name, name): c for name, c in table.columns.items()}
+        return replace(table, columns=columns, others=dict(table.columns))
     # T. Suarez, ImuCalibration: its logger of an MPU-6050 writes counts at the ranges of the library's start.
     logger = any(line.startswith("Logging Type,") for line in header)
     if not logger or tuple(table.columns) != _AXES or any(c.unit for c in table.columns.values()):
