@@ -72,6 +72,14 @@ def test_the_noise_of_a_moved_log_is_that_of_its_longest_rest() -> None:
     assert 20.0 * N_x < rocked.noise.channel("gyro_x").effects[0].N
 
 
+def test_a_rest_of_too_few_samples_stands_for_nothing() -> None:
+    log = carried(((20.0, 33.0),))  # 59 samples of it at 5 Hz
+    slow = Log(T[::10], {n: replace(c, values=c.values[::10]) for n, c in log.channels.items()})
+    assert longest_rest(slow) is not None
+    found = identify(slow, channels="gyro_x", effects="white_noise")
+    assert any("this motion counts as noise here" in w for w in found.warnings)
+
+
 def test_motion_without_a_rest_is_refused() -> None:
     with pytest.raises(InputError, match="without a rest of 10 s") as refused:
         find_gap(carried(((0.0, 5.0),)), NOISE)

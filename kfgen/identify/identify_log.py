@@ -22,6 +22,7 @@ from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identification import Identification, IdentifiedChannel
+from kfgen.identify.identify import MIN_SAMPLES
 from kfgen.identify.identify import identify as identify_record
 from kfgen.identify.screening.motion import motion_in
 from kfgen.identify.screening.rests import at_rest_only, longest_rest
@@ -118,10 +119,12 @@ def _at_rest(data: Sequence[AnyLog], names: Sequence[str]) -> tuple[list[AnyLog]
 
 
 def _rest_of(log: Log) -> Log | None:
+    """The longest rest; none where it is too short for a fit, or not known for samples that are no numbers."""
     try:
-        return longest_rest(log)
-    except InputError:  # samples that are no numbers: where it rests is not known
+        rest = longest_rest(log)
+    except InputError:
         return None
+    return rest if rest is not None and rest.n >= MIN_SAMPLES else None
 
 
 def identify_samples(

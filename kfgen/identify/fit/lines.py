@@ -80,13 +80,14 @@ def find_lines(record: Record) -> list[PeriodicLine]:
     to_hz = 1.0 / (2.0 * np.pi * record.dt * record.block)
     f = seen.omega * to_hz
     rolled_off = f > min((lo for lo, hi in record.skip if hi == np.inf), default=np.inf)
-    marks = np.where(rolled_off, seen.narrow(), seen.above())
+    marks, floor = seen.above(), seen.floor
+    if rolled_off.any():
+        marks, floor = np.where(rolled_off, seen.narrow(), marks), np.where(rolled_off, seen.beside, floor)
     for lo, hi in (band for band in record.skip if band[1] < np.inf):
         marks &= (f < lo) | (f > hi)
     out = np.flatnonzero(marks)
     if not out.size:
         return []
-    floor = np.where(rolled_off, seen.beside, seen.floor)
     distance = np.maximum(MAX_ORDINATES_WITHIN_LINE, MAX_DISTANCE_WITHIN_LINE * out[1:])
     lines = []
     for group in np.split(out, np.flatnonzero(np.diff(out) > distance) + 1):
