@@ -72,6 +72,18 @@ def test_the_noise_of_a_moved_log_is_that_of_its_longest_rest() -> None:
     assert 20.0 * N_x < rocked.noise.channel("gyro_x").effects[0].N
 
 
+@pytest.mark.parametrize(("rate_deg_s", "is_rest"), [(0.45, False), (0.12, True)])
+def test_a_hover_is_no_rest(rate_deg_s: float, is_rest: bool) -> None:
+    """Rates that wander within two degrees a second, as of a quadrotor that holds its place; half of a quarter is a rest."""
+    rng = np.random.default_rng(176150)
+    log = carried(((60.0, 90.0),))
+    wander = np.repeat(np.radians(rate_deg_s) * rng.uniform(-1.7, 1.7, N // 25), 25)
+    gyro = {f"gyro_{a}": log.channels[f"gyro_{a}"] for a in "xyz"}
+    moved = {n: replace(c, values=c.values + wander) for n, c in gyro.items()}
+    rest = longest_rest(replace(log, channels={**log.channels, **moved}))
+    assert (rest is not None) == is_rest
+
+
 def test_a_rest_of_too_few_samples_stands_for_nothing() -> None:
     log = carried(((20.0, 33.0),))  # 59 samples of it at 5 Hz
     slow = Log(T[::10], {n: replace(c, values=c.values[::10]) for n, c in log.channels.items()})

@@ -22,6 +22,10 @@ MIN_TURN_RAD = np.radians(3.0)
 """Turn of gravity in the axes of accelerometers that no bias makes."""
 MIN_RATE_RAD_S = np.radians(2.0)
 """Range of averaged rates that no drift of a gyro makes."""
+MAX_RATE_OF_REST_RAD_S = np.radians(0.25)
+"""Standard deviation of a gyro's averaged rates from second to second at rest: idling propellers make half of it, hovering twice."""
+MAX_SIGMAS_OF_REST = 3.0
+"""The same in standard deviations of an average by chance, of a gyro that is noisier."""
 MIN_SIGMAS = 8.0
 """Range, in standard deviations of an average by chance, below which it is the noise of the readings."""
 MIN_TURN_OF_FIELD_RAD = np.radians(15.0)
@@ -58,6 +62,25 @@ def motion_in(log: Log, channels: Collection[str]) -> str:
             return f"{name} is {ends[0]:.3g} to {ends[1]:.3g} m/s"
     turn = _turn_of(log, "mag", "T", MIN_TURN_OF_FIELD_RAD)
     return f"the field turns by {np.degrees(turn):.0f} deg in the axes of the magnetometers" if turn else ""
+
+
+def is_calm(log: Log) -> bool:
+    """Whether averaged rates change from second to second no more than those of a body at rest: a hover may look like one.
+
+    Parameters
+    ----------
+    log : Log
+        Of which each gyro axis that is there is looked at.
+    """
+    for name in (f"gyro_{a}" for a in AXES):
+        w = _averages(log, name, "rad/s")
+        if w is None:
+            continue
+        changes = np.diff(w.y[np.isfinite(w.y)])
+        scatter = float(np.sqrt(0.5 * np.mean(changes**2))) if changes.size else 0.0
+        if scatter > max(MAX_RATE_OF_REST_RAD_S, MAX_SIGMAS_OF_REST * w.sd):
+            return False
+    return True
 
 
 def _turn_of(log: Log, sensor: str, unit: str, least: float) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.channel_names import AXES
 from kfgen.core.numbers import moment
-from kfgen.identify.screening.motion import motion_in
+from kfgen.identify.screening.motion import is_calm, motion_in
 from kfgen.identify.words import IN_LONGEST_REST
 from kfgen.log.log import Log
 
@@ -84,8 +84,8 @@ def longest_rest(log: Log) -> Log | None:
     sensor = next((s for s in ("gyro", "accel") if all(f"{s}_{a}" in log.channels for a in AXES)), "")
     found = rests(log, sensor) if sensor else []
     long = [(a, b) for a, b in found if log.t[b - 1] - log.t[a] >= MIN_REST_S]
-    part = log.cut(*max(long, key=lambda rest: rest[1] - rest[0])) if long else None
-    return None if part is None or motion_in(part, list(log.channels)) else part
+    parts = (log.cut(a, b) for a, b in sorted(long, key=lambda rest: rest[0] - rest[1]))
+    return next((p for p in parts if is_calm(p) and not motion_in(p, list(p.channels))), None)
 
 
 def at_rest_only(part: Log, how: str, done: str) -> str:
