@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.result import Comparison, Finding
 from kfgen.gap.find_gap import find_gap, units_of
+from kfgen.gap.flight_words import outage_sentence
 from kfgen.gap.result import GapResult, LogSource
 from kfgen.gap.scene.scene import Scene
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
-from kfgen.gap.words import finding_sentence, noise_scale_sentences, outage_sentence
+from kfgen.gap.words import finding_sentence, noise_scale_sentences
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.log.log import Log
