@@ -13,7 +13,7 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
-from kfgen.identify.screening.rests import longest_rest
+from kfgen.identify.screening.rests import longest_rest, rests
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -82,6 +82,19 @@ def test_a_hover_is_no_rest(rate_deg_s: float, is_rest: bool) -> None:
     moved = {n: replace(c, values=c.values + wander) for n, c in gyro.items()}
     rest = longest_rest(replace(log, channels={**log.channels, **moved}))
     assert (rest is not None) == is_rest
+
+
+def test_a_log_that_is_mostly_bursts_has_the_rest_of_its_even_part() -> None:
+    """Bursts of ten rows tell nothing of a rest; with as many of them the quietest tenth had been no number."""
+    log = carried(((20.0, 40.0),))
+    sparse = 1000.0 + (2.0 * np.arange(6_000)[:, None] + DT * np.arange(10)).ravel()
+    t = np.concatenate([log.t, sparse])
+    channels = {
+        n: replace(c, values=np.concatenate([c.values, np.zeros(sparse.size)]))
+        for n, c in log.channels.items()
+    }
+    found = [(a, b) for a, b in rests(Log(t, channels), "gyro") if t[b - 1] - t[a] > 10.0]
+    assert [(t[a], t[b - 1]) for a, b in found] == [pytest.approx((20.0, 40.0), abs=1.0)]
 
 
 def test_a_rest_of_too_few_samples_stands_for_nothing() -> None:

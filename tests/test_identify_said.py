@@ -218,4 +218,4 @@ def test_a_value_that_is_repeated_for_a_while_is_said() -> None:
     ]
     assert said[:2] == [[], []]
     assert len(said[2]) == 1
-    assert "for 120 s from t = 100 s" in said[2][0] or "for 120 s from t = 99.98 s" in said[2][0]
+    assert "for 120 s from t = 100 s" in said[2][0]

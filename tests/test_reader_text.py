@@ -367,8 +367,10 @@ def test_units_in_a_row_of_their_own(tmp_path: Path, separator: str, ended: bool
 
 
 def test_names_that_are_units_too_are_names(tmp_path: Path) -> None:
-    log = read_log(text(tmp_path, "t [s],g [1],m [1]\n" + "".join(f"{t},{k},1\n" for k, t in enumerate(T))))
-    assert list(log.channels) == ["g", "m"]
+    """Below a line of as many words: a row of units has nothing but units."""
+    content = "log,of,board\ntime,g,force\n" + "".join(f"{t},{k},1\n" for k, t in enumerate(T))
+    log = read_log(text(tmp_path, content), columns="t=time [s], a=g [1], b=force [N]")
+    assert list(log.channels) == ["a", "b"]
 
 
 def test_columns_of_consensys(tmp_path: Path) -> None:

@@ -88,6 +88,20 @@ QUANTITY = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.])(.*)$"
 """A quantity as text: the number, and what follows it."""
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit.
+
+    Parameters
+    ----------
+    text : str
+    """
+    try:
+        parse_unit(text)
+    except InputError:
+        return False
+    return True
+
+
 def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool = True) -> float:
     """Read a value of a file: a number is SI, a string carries its unit.
 

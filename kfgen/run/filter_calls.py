@@ -217,8 +217,8 @@ class FilterCalls:
         if not pauses(self.log):
             return ()
         return (
-            f"{in_words(self.log)}: the filter holds the last reading of its inputs, and is lost by its end. "
-            "Cut the log there",
+            f"{in_words(self.log)}: the filter holds the last reading of its inputs until it ends, and what it "
+            "estimates from then on is not to be trusted. Cut the log there",
         )
 
     @cached_property

@@ -17,7 +17,7 @@ from kfgen.effects.process.stochastic import has_white_noise
 from kfgen.gap.core.whitener import Whitener
 from kfgen.log.course import own_period_s
 from kfgen.log.log import Log
-from kfgen.model.plant.user import UserModel
+from kfgen.model.plant.user import Measurement, UserModel
 
 Array = NDArray[np.float64]
 
@@ -123,9 +123,7 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
     """
     measurement = model.measurements[name]
     check_unit(log, name, measurement.unit, model)
-    period = own_period_s(log, name)
-    noise = measurement.noise.in_record(period, log.duration)
-    effects = [e for e in noise.effects if not isinstance(e, PlantEffect)]
+    effects = effects_assumed_of(measurement, log, name)
     if not has_white_noise(effects):
         raise InputError(
             f"the model of {name} has no white noise",
@@ -140,6 +138,20 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
     steps = np.diff(log.t[at])
     dt = float(np.mean(steps[steps <= MIN_GAP_STEPS * np.median(steps)]))
     return RecordedChannel(at, y, Whitener.of(effects, at.size, dt, constant=True))
+
+
+def effects_assumed_of(measurement: Measurement, log: Log, name: str) -> list[Effect]:
+    """The noise and the errors that are assumed of a channel of a log, without what changes the plant.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    log : Log
+    name : str
+        Of the measurement.
+    """
+    noise = measurement.noise.in_record(own_period_s(log, name), log.duration)
+    return [e for e in noise.effects if not isinstance(e, PlantEffect)]
 
 
 def _assumed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:

@@ -26,16 +26,15 @@ from kfgen.effects.faults.samples import (
     UnitError,
     runs,
 )
-from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.plant.input_logged_late import logged_late
 from kfgen.gap.plant.noise.noisy_scene import NoisyPlantScene
 from kfgen.gap.plant.pieces import lateness
+from kfgen.gap.plant.recorded_channel import effects_assumed_of
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting
 from kfgen.gap.rest.faults import assumed_sd, spotted_moving
 from kfgen.gap.scene.scene import Placed
 from kfgen.identify.screening.stuck import by_chance, stuck_spans
-from kfgen.log.course import own_period_s
 from kfgen.log.log import Channel, Log
 from kfgen.log.own_rows import with_own_samples
 from kfgen.model.plant.user import UserModel
@@ -110,8 +109,7 @@ def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]
     spoilt: list[Placed] = []
     for name in (n for n in model.measurements if n in log.channels):
         values = np.array(log.channels[name].values)
-        noise = model.measurements[name].noise.in_record(own_period_s(log, name), log.duration)
-        effects = [e for e in noise.effects if not isinstance(e, PlantEffect)]
+        effects = effects_assumed_of(model.measurements[name], log, name)
         faults, bad = _of_samples(np.asarray(log.t), values, effects)
         (spoilt if bad else said).extend(Placed(e, name) for e in faults)
         if faults and not bad:

@@ -46,13 +46,13 @@ def rests(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
     ends = np.flatnonzero(np.diff(log.t) > max(RUNNING_WINDOW_S, 1.5 * log.dt)) + 1
     bounds = [0, *ends.tolist(), log.n]
     parts = [(a, b) for a, b in pairwise(bounds) if b - a > size]
-    deviation = np.full(log.n, np.inf)
-    for a, b in parts:
-        deviation[a:b] = _running_deviation(y[a:b], size)
-    limit = MAX_REST_NOISE_RATIO * max(float(np.quantile(deviation, 0.1)), 1e-9)
+    deviations = [_running_deviation(y[a:b], size) for a, b in parts]
+    if not parts:
+        return []
+    limit = MAX_REST_NOISE_RATIO * max(float(np.quantile(np.concatenate(deviations), 0.1)), 1e-9)
     found = []
-    for a, b in parts:
-        marked, count = label(binary_erosion(deviation[a:b] < limit, iterations=size // 2))
+    for (a, _), deviation in zip(parts, deviations, strict=True):
+        marked, count = label(binary_erosion(deviation < limit, iterations=size // 2))
         at = [a + np.flatnonzero(marked == k + 1) for k in range(count)]
         found += [(int(k[0]), int(k[-1]) + 1) for k in at]
     return [(a, b) for a, b in found if (b - a) * log.dt >= MIN_POSE_S]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import is_unit, parse_unit
 from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.turning_gravity import gyro_unit
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
@@ -250,7 +250,7 @@ def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str])
                 unread.append(name)
         elif quaternion:
             attitude[quaternion.group(1)] = array.values
-        elif array.unit is not None and _is_unit(array.unit) and not array_names.is_time(name):
+        elif array.unit is not None and is_unit(array.unit) and not array_names.is_time(name):
             singles[name] = TableColumn(array.values, array.unit)
         elif not array_names.is_time(name):
             unread.append(name)
@@ -264,14 +264,6 @@ def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str])
     for sensor in units:
         channels |= _triad(sensor, units, t, words)
     return channels | singles
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        parse_unit(text)
-    except InputError:
-        return False
-    return True
 
 
 def _triad(
@@ -313,13 +305,17 @@ def _guessed(sensor: str, units: Mapping[str, Mapping[str, tuple[Array, str]]], 
     if sensor not in _GUESSES or len(axes) != 3:
         return ""
     size = float(np.nanmedian(np.sqrt(sum(v**2 for v, _ in axes.values()))))
-    return next((unit for unit, low, high in _GUESSES[sensor] if low < size < high), "")
+    return _unit_of_size(sensor, size)
+
+
+def _unit_of_size(kind: str, size: float) -> str:
+    """The unit in which a quantity is so large; empty where none is known."""
+    return next((unit for unit, low, high in _GUESSES.get(kind, ()) if low < size < high), "")
 
 
 def _guessed_of(channel: str, values: Array, words: list[str]) -> str:
     """The unit of a single quantity by its size, which is said; empty where none is of that size."""
-    size = float(np.nanmedian(np.abs(values)))
-    unit = next((unit for unit, low, high in _GUESSES.get(channel, ()) if low < size < high), "")
+    unit = _unit_of_size(channel, float(np.nanmedian(np.abs(values))))
     if unit:
         words.append(f"{channel}: no unit is stated, {unit} is assumed; say another with --columns")
     return unit

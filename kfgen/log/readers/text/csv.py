@@ -19,6 +19,7 @@ from kfgen.core.units import from_si
 from kfgen.log.log import Log
 from kfgen.log.readers.flight.ecl_replay import is_answer, is_replay, read_answer, read_replay
 from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate, stated_samples
+from kfgen.log.readers.text.cells import cells_of, is_number
 from kfgen.log.readers.text.foreign_text import foreign
 from kfgen.log.readers.text.loose_text import loose_text
 from kfgen.log.readers.text.published_layouts import with_units
@@ -120,28 +121,14 @@ def write(log: Log, path: str | Path) -> None:
         )
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    return [c.strip().strip('"') for c in (line.split(separator) if separator else line.split())]
-
-
-def _is_number(cell: str) -> bool:
-    if "_" in cell:  # read by Python, not by numpy
-        return False
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
 def _first_row(path: Path, lines: list[str]) -> tuple[str, int]:
     """The separator, and the index of the first line of numbers and empty cells."""
     for index, line in enumerate(lines[:_MAX_HEADER_LINES]):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         for separator in (",", ";", "\t", ""):
-            cells = _cells(line, separator)
-            if any(_is_number(c) for c in cells) and all(_is_number(c) or not c for c in cells):
+            cells = cells_of(line, separator)
+            if any(is_number(c) for c in cells) and all(is_number(c) or not c for c in cells):
                 return separator, index
     _no_row(path, lines)
     raise AssertionError
@@ -150,8 +137,8 @@ def _first_row(path: Path, lines: list[str]) -> tuple[str, int]:
 def _no_row(path: Path, lines: list[str]) -> None:
     """Say why no line is all numbers: mostly a bad cell right in the first one."""
     for index, line in enumerate(lines[:_MAX_HEADER_LINES]):
-        for k, cell in enumerate(_cells(line, ",")):
-            if cell and not _is_number(cell) and any(_is_number(c) for c in _cells(line, ",")) and index:
+        for k, cell in enumerate(cells_of(line, ",")):
+            if cell and not is_number(cell) and any(is_number(c) for c in cells_of(line, ",")) and index:
                 raise InputError(
                     f"'{cell}' is not a number",
                     where=f"{path}: line {index + 1}, column {k + 1}",
@@ -168,25 +155,25 @@ def _unended(lines: list[str], first: int, separator: str) -> list[str]:
     """Lines without the separator that ends every row of numbers, where none ends the header."""
     rows = [r.rstrip(" ") for r in lines[first:] if r.strip()]
     header = next((r for r in reversed(lines[:first]) if r.strip()), "")
-    width = len(_cells(header, separator))
+    width = len(cells_of(header, separator))
     ended = bool(separator) and all(
-        r.endswith(separator) and len(_cells(r, separator)) == width + 1
+        r.endswith(separator) and len(cells_of(r, separator)) == width + 1
         for r in rows[: max(len(rows) - 1, 1)]
     )  # the last row may be without it
     return [*lines[:first], *(r.removesuffix(separator) for r in rows)] if ended else lines
 
 
 def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[list[str], list[str | None]]:
-    width = len(_cells(lines[first], separator))
+    width = len(cells_of(lines[first], separator))
     for index in range(first - 1, -1, -1):
         line = lines[index].lstrip("#% ")
         if not line.strip():
             continue
         if not separator:
             line = re.sub(r"\s+\[", "[", line)
-        cells = _cells(line, separator)
-        if len(cells) == width and any(_is_number(c) for c in cells):
-            bad = next((k for k, c in enumerate(cells) if c and not _is_number(c)), None)
+        cells = cells_of(line, separator)
+        if len(cells) == width and any(is_number(c) for c in cells):
+            bad = next((k for k, c in enumerate(cells) if c and not is_number(c)), None)
             if bad is None:
                 continue  # a row that is commented out
             raise InputError(
@@ -238,7 +225,7 @@ def _loaded(rows: list[str], separator: str) -> NDArray[np.float64]:
 
 def _filled(row: str, separator: str) -> str:
     """A row without quotation marks, in which an empty cell is no number: channels of several rates share a file so."""
-    return separator.join(c or "nan" for c in _cells(row, separator)) if separator else row.replace('"', "")
+    return separator.join(c or "nan" for c in cells_of(row, separator)) if separator else row.replace('"', "")
 
 
 def _explain(path: Path, rows: list[str], first: int, separator: str, names: list[str]) -> None:
@@ -246,7 +233,7 @@ def _explain(path: Path, rows: list[str], first: int, separator: str, names: lis
     for index, line in enumerate(rows):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells, number = _cells(line, separator), first + index + 1
+        cells, number = cells_of(line, separator), first + index + 1
         if len(cells) != len(names):
             raise InputError(
                 f"has {len(cells)} cells instead of {len(names)}",
@@ -254,7 +241,7 @@ def _explain(path: Path, rows: list[str], first: int, separator: str, names: lis
                 remedy="Correct or remove that line",
             )
         for k, cell in enumerate(cells):
-            if (cell and not _is_number(cell)) or (not cell and names[k] == "t"):
+            if (cell and not is_number(cell)) or (not cell and names[k] == "t"):
                 raise InputError(
                     f"'{cell}' is not a number" if cell else "an empty cell",
                     where=f"{path}: line {number}, column {k + 1} ({names[k]})",

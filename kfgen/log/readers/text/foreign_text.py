@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.channel_names import some_of
-from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import is_unit
 from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.named_arrays import Named, table_of
 from kfgen.log.readers.arrays.turning_gravity import gyro_unit
@@ -96,7 +95,7 @@ def _with_units_behind_names(table: LogTable, columns: Mapping[str, TableColumn]
     for name, column in columns.items():
         match = _IN_PARENTHESES.fullmatch(name)
         unit = OTHER_SPELLINGS.get(match.group(2), match.group(2)) if match else ""
-        if match and _is_unit(unit):
+        if match and is_unit(unit):
             axis = array_names.axis_of(match.group(1))
             out[f"{axis[0]}_{axis[1]}" if axis else match.group(1)] = TableColumn(column.values, unit)
         elif array_names.is_time(name):
@@ -108,14 +107,6 @@ def _with_units_behind_names(table: LogTable, columns: Mapping[str, TableColumn]
     said = [f"columns without a unit were left out: {some_of(left)}"] if left else []
     warnings = (*table.warnings, *said)
     return replace(table, columns=_timed(out), others={**table.others, **columns}, warnings=warnings)
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        parse_unit(text)
-    except InputError:
-        return False
-    return True
 
 
 def _timed(columns: Mapping[str, TableColumn]) -> dict[str, TableColumn]:

@@ -19,7 +19,7 @@ _AXES = ("ax", "ay", "az", "gx", "gy", "gz")
 EUROC_IMU = {f"w_RS_S_{a}": f"gyro_{a}" for a in "xyz"} | {f"a_RS_S_{a}": f"accel_{a}" for a in "xyz"}
 """Columns of the file of an inertial sensor of the EuRoC data sets, with their units behind them."""
 _CONSENSYS = re.compile(
-    r".+_(?:(?P<time>Timestamp(?:Sync)?_Unix)|(?P<sensor>Accel|Gyro|Mag)_(?:(?P<kind>LN|WR)_)?(?P<axis>[XYZ])"
+    r".+_(?:(?P<time>Timestamp(?:Sync)?_Unix)|(?P<sensor>Accel|Gyro|Mag)_(?:LN_|WR_)?(?P<axis>[XYZ])"
     r"|(?P<quantity>Temperature|Pressure)_[A-Z0-9]+)_CAL"
 )
 """Calibrated columns of Shimmer's Consensys: a device, a sensor (the accelerometer of low noise or of wide range), an axis."""
@@ -74,7 +74,7 @@ def _of_consensys(table: LogTable) -> LogTable:
         channel = _channel(found) if found else name
         if channel in columns:
             left.append(f"'{name}'")
-        elif np.isfinite(column.values).any():
+        else:
             columns[channel] = column
     said = (f"of several sensors of one kind the first is read; not {some_of(left)}",) if left else ()
     return replace(table, columns=columns, others=dict(table.columns), warnings=(*table.warnings, *said))

@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import is_unit
+from kfgen.log.readers.text.cells import cells_of, is_number
 
 LOOKED_AT = 50
 """Lines among which the names are."""
 SEPARATORS = (",", ";", "\t")
-NO_UNIT = frozenset(("no_units", "no units", "n/a", "-", "--", "none", "local_flux", "1", "a.u.", "arb"))
+NO_UNIT = frozenset(("", "no_units", "no units", "n/a", "-", "--", "none", "local_flux", "1", "a.u.", "arb"))
 """Of a column, in small letters, whose numbers have no unit."""
 _SEPARATOR_LINE = re.compile(r'"?sep=."?\s*$', re.IGNORECASE)
 
@@ -43,7 +43,7 @@ def with_unit_row(lines: Sequence[str]) -> list[str]:
 
 def _cells(line: str, separator: str) -> list[str]:
     """The cells of a line, without the empty one behind a separator that ends it."""
-    cells = [c.strip().strip('"') for c in line.rstrip().rstrip(separator).split(separator)]
+    cells = cells_of(line.rstrip().rstrip(separator), separator)
     return cells if any(cells) else []
 
 
@@ -51,28 +51,12 @@ def _are_units(names: Sequence[str], units: Sequence[str], first: Sequence[str])
     """Whether a row is that of the units of the names above, a row of numbers below."""
     if not len(names) == len(units) == len(first) or not all(names) or "[" in "".join(names):
         return False
-    if any(_is_number(c) for c in (*names, *units)) or not any(_is_number(c) for c in first):
+    numbers = [[is_number(c.replace(",", ".")) for c in row] for row in (names, units, first)]
+    if any(numbers[0]) or any(numbers[1]) or not any(numbers[2]):
         return False
-    return all(_is_unit(u) or u.lower() in NO_UNIT for u in units) and any(_is_unit(u) for u in units)
+    known = [bool(u) and is_unit(u) for u in units]
+    return any(known) and all(k or u.lower() in NO_UNIT for k, u in zip(known, units, strict=True))
 
 
 def _unit(cell: str) -> str:
-    return "1" if not cell or cell.lower() in NO_UNIT else cell
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _is_unit(cell: str) -> bool:
-    if not cell or _is_number(cell):
-        return False
-    try:
-        parse_unit(cell)
-    except InputError:
-        return False
-    return True
+    return "1" if cell.lower() in NO_UNIT else cell
